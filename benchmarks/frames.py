@@ -149,7 +149,7 @@ def processor() -> float:
 def in_motion(mode: Mode) -> Table:
     """Films of a run of 800 nodes, each alone and both in one pass."""
     scene = updated(scene_with("calibrated", CASE, "whole"), {"numerics": {"end": mode.end}})
-    result = run(scene)
+    reel = films.Reel.of(run(scene))
     table = Table(("film", "frames a second", "processor's time a frame, ms"))
     mp4, gif = "film.mp4", "film.gif"
     for label, names in (
@@ -157,12 +157,12 @@ def in_motion(mode: Mode) -> Table:
         ("GIF, 360p", films.Names(gif=gif)),
         ("both", films.Names(mp4=mp4, gif=gif)),
     ):
-        count, used, taken = films.frames_to_draw(result, names), [], []
+        count, used, taken = reel.frames_to_draw(names), [], []
         with tempfile.TemporaryDirectory() as folder:
-            films.write(result, Path(folder), names=names)  # compile
+            reel.write(Path(folder), names=names)  # compile
             for _ in range(mode.film_rounds):
                 start, before = time.perf_counter(), processor()
-                films.write(result, Path(folder), names=names)
+                reel.write(Path(folder), names=names)
                 taken.append(time.perf_counter() - start)
                 used.append(processor() - before)
         pace, cost = count / statistics.median(taken), statistics.median(used) / count

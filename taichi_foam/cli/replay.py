@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from taichi_foam.picture.films import Names
+    from taichi_foam.picture.films import Names, Reel
     from taichi_foam.results.result import Result
     from taichi_foam.scene import Scene
 
@@ -97,9 +97,7 @@ def render_command(
                 gif=f"film-{shown}.gif" if gif else None,
                 frames=f"frames-{shown}" if frames else None,
             )
-            pieces = films.frames_to_draw(result, names)
-            write = partial(films.write, result, names=names, overwrite=overwrite, title=title)
-            jobs.append(_film(names, pieces, write))
+            jobs.append(_film(films.Reel.of(result, title), names, overwrite))
         if png:
             draw = partial(montage.montage, result.snapshots, result.scene, title=title)
             jobs.append(_still(f"montage-{shown}.png", draw, result.scene, size))
@@ -146,8 +144,7 @@ def compare_command(
         jobs = []
         if gif or mp4:
             names = films.Names(f"{name}.mp4" if mp4 else None, f"{name}.gif" if gif else None)
-            pieces = films.lineup_frames_to_draw(lineup, names)
-            jobs.append(_film(names, pieces, partial(films.write_lineup, lineup, names=names)))
+            jobs.append(_film(films.Reel.of_lineup(lineup), names, overwrite))
         if png:
             draw = partial(comparison.instants, lineup)
             jobs.append(_still(f"{name}.png", draw, results[0].scene, size))
@@ -196,11 +193,12 @@ def _loaded(
     return replace(result, scene=result.scene.with_values(values))
 
 
-def _film(names: Names, pieces: int, write: Callable[..., object]) -> Job:
+def _film(reel: Reel, names: Names, overwrite: bool) -> Job:
     """A job for films and frames."""
     written = [name for name in (names.mp4, names.gif) if name]
     written += [f"{names.frames}/"] if names.frames else []
-    return Job(tuple(written), pieces, write)
+    write = partial(reel.write, names=names, overwrite=overwrite)
+    return Job(tuple(written), reel.frames_to_draw(names), write)
 
 
 def _still(

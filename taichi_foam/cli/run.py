@@ -243,14 +243,15 @@ def _draw_films(
 
     try:
         for folder, result in kept:
-            if not (frames := films.frames_to_draw(result)):
-                continue
-            what = f"films of {folder}" if names_folders else "drawing pictures"
             title = catalogue.title(result.scene)
             if is_series:
                 title = f"{result.scene.name}, drop {result.drop}"
+            reel = films.Reel.of(result, title)
+            if not (frames := reel.frames_to_draw()):
+                continue
+            what = f"films of {folder}" if names_folders else "drawing pictures"
             with bars.counting("films", what, frames, "frames") as on_frame:
-                drawn = films.write(result, folder, on_frame, title=title)
+                drawn = reel.write(folder, on_frame)
             manifest.add(folder, [path.name for path in drawn])
     except (Exception, KeyboardInterrupt) as error:
         return error

@@ -165,9 +165,9 @@ def _film(result: Result) -> str:
         scene=scene.model_copy(update={"output": output}),
         snapshots=result.snapshots[::every],
     )
-    names, words = films.Names(mp4="film.mp4"), title(scene)
+    reel, names = films.Reel.of(small, title(scene)), films.Names(mp4="film.mp4")
     with tempfile.TemporaryDirectory() as folder:
-        (path,) = films.write(small, Path(folder), names=names, title=words)
+        (path,) = reel.write(Path(folder), names=names)
         data = _data("video/mp4", path.read_bytes())
     return f'<video controls muted loop autoplay width="{width}" src="{data}"></video>'
 

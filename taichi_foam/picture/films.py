@@ -103,24 +103,63 @@ class _Screen:
 
 
 @dataclass(frozen=True)
-class _Reel:
+class Reel:
     """The content of a film: its instants in order, and how one is drawn at given sizes [pixels].
 
+    output     size and pace; `of` and `of_lineup` also take mode and theme from it
     gif_width  width of its GIF [pixels]
+    gif_every  the GIF shows one of so many of its frames
     """
 
     output: Output
     instants: Sequence[Any]
     draw: Callable[[Any, Sequence[tuple[int, int]]], Iterable[Image8]]
     gif_width: int = GIF_WIDTH
+    gif_every: int = 1
+
+    @classmethod
+    def of(cls, result: Result, title: str | None = None) -> Reel:
+        """A run as its scene requests; `title` above each picture, default the scene's name."""
+        scene = result.scene
+        with_curve = scene.output.curve and scene.is_slowed
+        curve = Curve.of(result.history) if with_curve else None
+        world = window(scene, result.snapshots)
+        if with_curve and scene.is_tilted:
+            world = _clear_of_curve(
+                world, raster.Layout((scene.output.width, scene.output.height)).field
+            )
+
+        def draw(snapshot: Snapshot, sizes: Sequence[tuple[int, int]]) -> Iterator[Image8]:
+            so_far = curve and curve.until(snapshot.time)
+            sunk, shown = result.displacement(snapshot), raster.Shown.of(snapshot, scene)
+            for size in sizes:
+                yield raster.frame(
+                    snapshot, scene, size, title=title, displacement=sunk, world=world,
+                    curve=so_far, shown=shown,
+                )  # fmt: skip
+
+        return cls(scene.output, result.snapshots, draw)
+
+    @classmethod
+    def of_lineup(cls, lineup: Lineup) -> Reel:
+        """Runs side by side, as the first one's scene requests."""
+        output = lineup.runs[0].scene.output
+        share = sqrt(prod(LINEUP_GIF) / (output.width * output.height))
+        width = scaled(output.width, output.height, round(share * output.width))[0]
+
+        def draw(time: float, sizes: Sequence[tuple[int, int]]) -> Iterator[Image8]:
+            return (comparison.frame(lineup, time, size) for size in sizes)
+
+        return cls(output, lineup.times, draw, width)
 
     @property
     def stride(self) -> int:
-        """A GIF shows one of every so many instants."""
-        return ceil(self.output.fps / GIF_FPS)
+        """The GIF shows one of every so many instants."""
+        return ceil(self.output.fps / GIF_FPS) * self.gif_every
 
-    def frames_to_draw(self, names: Names) -> int:
+    def frames_to_draw(self, names: Names | None = None) -> int:
         """Number of frames; those of MP4 and GIF are drawn separately, so that both are sharp."""
+        names = names or Names.of(self.output)
         full = len(self.instants) if names.mp4 or names.frames else 0
         return full + (len(self.instants[:: self.stride]) if names.gif else 0)
 
@@ -128,22 +167,31 @@ class _Reel:
     def drawn(
         self,
         folder: Path,
-        names: Names,
-        on_frame: Callable[[], object],
-        overwrite: bool,
-        gif_every: int = 1,
+        on_frame: Callable[[], object] = lambda: None,
+        names: Names | None = None,
+        overwrite: bool = False,
     ) -> Iterator[list[Path]]:
-        """Draw everything that has a name; each file appears when the block ends, or not at all.
+        """Draw into an existing folder; a context manager that yields the paths.
 
-        All films are made in one pass. Encoders work while the next frames are drawn, and continue
-        during the block. The GIF shows one of every `gif_every` of its frames.
+        All films are made in one pass. The block begins once all frames are drawn; encoders
+        continue during it. When it ends, each film and the folder of frames appears, complete or
+        not at all.
+
+        Args:
+            on_frame: called after each frame drawn, `frames_to_draw` times.
+            names: what to draw; default what `output` requests.
+            overwrite: replace a folder of frames that has content; older films are always replaced.
+
+        Raises:
+            UserError: a film cannot be written, or the folder of frames may not be replaced.
+            OSError: a frame cannot be written.
         """
         if not self.instants:
             yield []
             return
-        output, stride = self.output, self.stride * gif_every
+        output, names = self.output, names or Names.of(self.output)
         full = _Screen((output.width, output.height), 1, [])
-        small = _Screen(scaled(*full.size, self.gif_width), stride, [])
+        small = _Screen(scaled(*full.size, self.gif_width), self.stride, [])
         written, open_films = [], []
         with contextlib.ExitStack() as open_:
             if names.frames:
@@ -156,7 +204,7 @@ class _Reel:
                 full.take.append(open_films[-1].send)
             if names.gif:
                 written.append(folder / names.gif)
-                fps = max(1, round(output.fps / stride))  # the pace stays that of the film
+                fps = max(1, round(output.fps / self.stride))  # the pace stays that of the film
                 film = gif(written[-1], fps, self.gif_width)
                 open_films.append(open_.enter_context(film))
                 small.take.append(open_films[-1].send)
@@ -164,6 +212,18 @@ class _Reel:
             for film in open_films:
                 film.end()
             yield written
+
+    def write(
+        self,
+        folder: Path,
+        on_frame: Callable[[], object] = lambda: None,
+        names: Names | None = None,
+        overwrite: bool = False,
+    ) -> list[Path]:
+        """Draw, and return the paths. Arguments and errors as for `drawn`."""
+        with self.drawn(folder, on_frame, names, overwrite) as written:
+            pass
+        return written
 
     def _show(self, screens: list[_Screen], on_frame: Callable[[], object]) -> None:
         """Draw every instant that at least one of the screens shows."""
@@ -176,115 +236,10 @@ class _Reel:
                     take(picture)
 
 
-def frames_to_draw(result: Result, names: Names | None = None) -> int:
-    """Number of frames that `write` draws."""
-    return _reel(result).frames_to_draw(names or Names.of(result.scene.output))
-
-
-def drawn(
-    result: Result,
-    folder: Path,
-    on_frame: Callable[[], object] = lambda: None,
-    names: Names | None = None,
-    overwrite: bool = False,
-    title: str | None = None,
-) -> contextlib.AbstractContextManager[list[Path]]:
-    """Draw a run into an existing folder; a context manager that yields the paths.
-
-    The block begins once all frames are drawn; encoders continue during it. When it ends, each
-    film and the folder of frames appears, complete or not at all. Size, pace, mode and theme are
-    those of `result.scene.output`.
-
-    Args:
-        on_frame: called after each frame drawn, `frames_to_draw` times.
-        names: what to draw; default what `result.scene.output` requests.
-        overwrite: replace a folder of frames that has content; older films are always replaced.
-        title: text above each picture; default the name of the scene.
-
-    Raises:
-        UserError: a film cannot be written, or the folder of frames may not be replaced.
-        OSError: a frame cannot be written.
-    """
-    names = names or Names.of(result.scene.output)
-    return _reel(result, title).drawn(folder, names, on_frame, overwrite)
-
-
-def write(
-    result: Result,
-    folder: Path,
-    on_frame: Callable[[], object] = lambda: None,
-    names: Names | None = None,
-    overwrite: bool = False,
-    title: str | None = None,
-) -> list[Path]:
-    """Draw a run and return the paths. Arguments and errors as for `drawn`."""
-    with drawn(result, folder, on_frame, names, overwrite, title) as written:
-        pass
-    return written
-
-
-def write_gif(result: Result, path: Path, width: int, every: int, title: str | None = None) -> Path:
-    """Write a run as a GIF that repeats, `width` pixels wide, with one of every `every` frames."""
-    reel, names = replace(_reel(result, title), gif_width=width), Names(gif=path.name)
-    with reel.drawn(path.parent, names, lambda: None, overwrite=False, gif_every=every):
-        pass
-    return path
-
-
-def lineup_frames_to_draw(lineup: Lineup, names: Names) -> int:
-    """Number of frames that `write_lineup` draws."""
-    return _lineup_reel(lineup).frames_to_draw(names)
-
-
-def write_lineup(
-    lineup: Lineup, folder: Path, on_frame: Callable[[], object], names: Names
-) -> list[Path]:
-    """Draw runs side by side into an existing folder, as `write` does one; return the paths.
-
-    Size, pace, mode and theme are those of the first run's scene.
-    """
-    with _lineup_reel(lineup).drawn(folder, names, on_frame, overwrite=False) as written:
-        pass
-    return written
-
-
-def _reel(result: Result, title: str | None = None) -> _Reel:
-    scene = result.scene
-    with_curve = scene.output.curve and scene.is_slowed
-    curve = Curve.of(result.history) if with_curve else None
-    world = window(scene, result.snapshots)
-    if with_curve and scene.is_tilted:
-        world = _clear_of_curve(
-            world, raster.Layout((scene.output.width, scene.output.height)).field
-        )
-
-    def draw(snapshot: Snapshot, sizes: Sequence[tuple[int, int]]) -> Iterator[Image8]:
-        so_far = curve and curve.until(snapshot.time)
-        sunk, shown = result.displacement(snapshot), raster.Shown.of(snapshot, scene)
-        for size in sizes:
-            yield raster.frame(
-                snapshot, scene, size, title=title, displacement=sunk, world=world,
-                curve=so_far, shown=shown,
-            )  # fmt: skip
-
-    return _Reel(scene.output, result.snapshots, draw)
-
-
 def _clear_of_curve(world: Window, field: Box) -> Window:
     """A window with all spare width on the left, where the diagram is."""
     width = (world.y_max - world.y_min) * field.width / field.height
     return replace(world, x_min=min(world.x_min, world.x_max - width))
-
-
-def _lineup_reel(lineup: Lineup) -> _Reel:
-    output = lineup.runs[0].scene.output
-    share = sqrt(prod(LINEUP_GIF) / (output.width * output.height))
-    width = scaled(output.width, output.height, round(share * output.width))[0]
-
-    def draw(time: float, sizes: Sequence[tuple[int, int]]) -> Iterator[Image8]:
-        return (comparison.frame(lineup, time, size) for size in sizes)
-
-    return _Reel(output, lineup.times, draw, width)
 
 
 def scaled(width: int, height: int, wanted: int) -> tuple[int, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -182,7 +182,9 @@ def _measured(test: PaperTest) -> str:
 def _film(folder: Path, key: str, case: Case) -> Picture:
     output = case.result.scene.output
     path = folder / f"film-{key}.gif"
-    films.write_gif(case.result, path, GIF_WIDTH, GIF_EVERY, title=title(case.scene))
+    reel = films.Reel.of(case.result, title(case.scene))
+    small = replace(reel, gif_width=GIF_WIDTH, gif_every=GIF_EVERY)
+    small.write(folder, names=films.Names(gif=path.name))
     still = path.with_suffix(".png")
     with Image.open(path) as film:
         film.seek(getattr(film, "n_frames", 1) - 1)

@@ -200,7 +200,8 @@ def _write_runs(staging: Path, computed: Computed) -> None:
 def _draw_films(out: Path, computed: Computed, bars: Bars) -> BaseException | None:
     """Draw the films of the saved runs; returns the error that prevented it, if any."""
     results = [case.result for case in computed.cases]
-    frames = sum(map(film_files.frames_to_draw, results))
+    reels = [film_files.Reel.of(result, title(result.scene)) for result in results]
+    frames = sum(reel.frames_to_draw() for reel in reels)
     if frames == 0:
         return None
     try:
@@ -208,10 +209,9 @@ def _draw_films(out: Path, computed: Computed, bars: Bars) -> BaseException | No
             bars.counting("films", "drawing films", frames, "frames") as on_frame,
             ExitStack() as test_before,
         ):
-            for result in results:
-                folder, words = out / case_folder(result.scene.name), title(result.scene)
-                films = ExitStack()
-                drawn = films.enter_context(film_files.drawn(result, folder, on_frame, title=words))
+            for result, reel in zip(results, reels, strict=True):
+                folder, films = out / case_folder(result.scene.name), ExitStack()
+                drawn = films.enter_context(reel.drawn(folder, on_frame))
                 # the films of the test before were encoded while these were drawn
                 test_before.close()
                 test_before.callback(_finish_films, films, folder, drawn)

@@ -168,7 +168,7 @@ def test_pictures_that_fail_leave_the_data(
     def fail(*arguments: object, **options: object) -> None:
         raise trouble
 
-    monkeypatch.setattr(films, "write", fail)
+    monkeypatch.setattr(films.Reel, "write", fail)
     result = invoke(*SHORT, "--out", "out")
     assert result.exit_code == 1, result.output
     assert "the run itself is complete in out" in result.stderr

@@ -363,7 +363,8 @@ def test_no_diagram_hides_a_tilted_product(tmp_path: Path) -> None:
         )
         folder = tmp_path / str(curve)
         folder.mkdir()
-        films.write(result_of(scene, [intact(scene)]), folder, names=films.Names(frames="frames"))
+        reel = films.Reel.of(result_of(scene, [intact(scene)]))
+        reel.write(folder, names=films.Names(frames="frames"))
         with Image.open(folder / "frames" / "frame_00000.png") as picture:
             steel = np.all(np.asarray(picture) == Look().tones.steel, axis=-1)
         shown.append(int(steel.sum()))

@@ -33,12 +33,13 @@ def test_what_the_scene_asks_for_is_written(
 ) -> None:
     asked = wanting(replace(result, snapshots=result.snapshots[:5]), film=film, frames=frames)
     drawn: list[None] = []
-    written = films.write(asked, tmp_path, lambda: drawn.append(None))
+    reel = films.Reel.of(asked)
+    written = reel.write(tmp_path, lambda: drawn.append(None))
     assert set(written) == set(tmp_path.iterdir())
     assert {path.name for path in written} == ({"film.gif", "film.mp4"} if film else set()) | (
         {"frames"} if frames else set()
     )
-    assert len(drawn) == films.frames_to_draw(asked)
+    assert len(drawn) == reel.frames_to_draw()
     if frames:
         pictures = sorted((tmp_path / "frames").glob("*.png"))
         assert [path.name for path in pictures] == [f"frame_{n:05d}.png" for n in range(5)]
@@ -54,9 +55,9 @@ def test_both_films_and_the_frames_show_each_instant_in_order(
     """Made in one pass, each is as it is alone; the frames are those that are drawn afresh."""
     asked = wanting(replace(result, snapshots=result.snapshots[:9]), film=True, frames=True)
     (tmp_path / "alone").mkdir()
-    films.write(asked, tmp_path)
+    films.Reel.of(asked).write(tmp_path)
     for names in (films.Names(mp4="film.mp4"), films.Names(gif="film.gif")):
-        (path,) = films.write(asked, tmp_path / "alone", names=names)
+        (path,) = films.Reel.of(asked).write(tmp_path / "alone", names=names)
         assert path.read_bytes() == (tmp_path / path.name).read_bytes()
     for number, snapshot in enumerate(asked.snapshots):
         sunk = asked.displacement(snapshot)

@@ -168,23 +168,23 @@ def test_ctrl_c_among_the_films_keeps_the_results_and_whole_films(
         monkeypatch.setattr(raster, "paint", paint)  # the report has pictures, too
         raise KeyboardInterrupt
 
-    draw, begun = films.drawn, []
+    draw, begun = films.Reel.drawn, []
 
-    def drawn(result: Result, *arguments: object, **options: object) -> object:
-        begun.append(result.scene.name)
+    def drawn(reel: films.Reel, folder: Path, *arguments: object, **options: object) -> object:
+        begun.append(folder)
         if len(begun) == 2:
             monkeypatch.setattr(raster, "paint", pressed)
-        return draw(result, *arguments, **options)
+        return draw(reel, folder, *arguments, **options)
 
-    monkeypatch.setattr(films, "drawn", drawn)
+    monkeypatch.setattr(films.Reel, "drawn", drawn)
     content = reproduce(tmp_path / "out", CASES, overrides=SMALL)
     assert content["interrupted"] is True
     assert content["not_finished"] == []
-    first, second = (tmp_path / "out" / name.removeprefix("paper/") for name in begun)
+    first, second = begun
     assert count_frames_and_secs(str(first / "film.mp4"))[0] == len(Result.load(first).snapshots)
     assert {"film.mp4", "film.gif"} <= set(manifest.Manifest.read(first).files)
     assert [name for name in os.listdir(second) if "film" in name] == []
-    assert Result.load(second).scene.name == begun[1]
+    assert Result.load(second).scene.name == f"paper/{second.name}"
 
 
 def test_a_failed_case_is_kept_apart_and_the_others_reported(

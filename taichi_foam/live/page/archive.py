@@ -289,7 +289,7 @@ def main(path: Path) -> None:
     ending = path.suffix[1:]
     try:
         result, names = Result.load(path.parent), films.Names(**{ending: path.name})
-        films.write(result, path.parent, names=names, title=catalogue.title(result.scene))
+        films.Reel.of(result, catalogue.title(result.scene)).write(path.parent, names=names)
     except UserError as error:
         sys.exit(str(error))
 
