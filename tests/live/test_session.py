@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench import assert_same
 from processes import PATIENCE, until
 from sessions import ENDLESS, drop_of
 
@@ -61,10 +62,15 @@ def wait_for(session: Session, is_it: Callable[[Any], bool]) -> Any:
     return until(found, "it did not come")
 
 
+def frame_when(session: Session, is_it: Callable[[Frame], Any]) -> Frame:
+    """The first frame that `is_it`."""
+    return wait_for(session, lambda event: isinstance(event, Frame) and is_it(event))
+
+
 def look(session: Session) -> Frame:
     """A frame of now, not one that was asked for earlier."""
     until(lambda: not session._is_asked, "no frame came", turn=session.poll)
-    return wait_for(session, lambda event: isinstance(event, Frame))
+    return frame_when(session, lambda frame: True)
 
 
 def worker_of(session: Session) -> int:
@@ -120,7 +126,7 @@ def test_a_pause_holds_time_and_takes_no_processor(session: Session) -> None:
     assert look(session).snapshot.time == before.snapshot.time
     session.tell(Pause(False))
     held = before.snapshot.time
-    after = wait_for(session, lambda e: isinstance(e, Frame) and e.snapshot.time > held)
+    after = frame_when(session, lambda frame: frame.snapshot.time > held)
     assert not after.paused
 
 
@@ -147,7 +153,7 @@ def test_a_step_goes_as_far_as_asked_and_stays_paused(session: Session) -> None:
     session.tell(Pause(True))
     start = look(session).snapshot.time
     session.tell(Step(2e-3))
-    frame = wait_for(session, lambda event: isinstance(event, Frame) and event.paused)
+    frame = frame_when(session, lambda frame: frame.paused)
     assert abs(frame.snapshot.time - start - 2e-3) < 2e-5
     session.tell(Step(30e-3))
     session.tell(Step(30e-3))
@@ -179,14 +185,14 @@ def test_another_scene_may_start_at_any_time(session: Session) -> None:
     look(session)
     session.drop(drop_of(10.0, "impactor.velocity=1.0"))
     assert (session.frame, len(session.rows)) == (None, 0)
-    frame = wait_for(session, lambda event: isinstance(event, Frame) and len(event.rows))
+    frame = frame_when(session, lambda frame: len(frame.rows))
     assert frame.drop == session.number == old + 1
     assert frame.rows[0, ROW.index("body.v")] == -1.0
     assert session.result is None
 
 
 def test_finish_gives_what_there_is(session: Session) -> None:
-    wait_for(session, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.01)
+    frame_when(session, lambda frame: frame.snapshot.time > 0.01)
     assert session.finish()
     result = session.result
     assert result is not None
@@ -218,12 +224,7 @@ def test_an_ended_run_is_the_run_to_the_last_bit(session: Session) -> None:
     result = wait_for(session, lambda event: isinstance(event, Ended)).result
     whole = run(scene)
     assert result.scene == scene
-    for name, column in whole.history.items():
-        np.testing.assert_array_equal(result.history[name], column, err_msg=name)
-    assert len(result.snapshots) == len(whole.snapshots)
-    for one, other in zip(result.snapshots, whole.snapshots, strict=True):
-        for name, values in vars(one).items():
-            np.testing.assert_array_equal(values, getattr(other, name), err_msg=name)
+    assert_same(whole, result)
     last = look(session)
     assert last.ended
     assert last.fraction == 1.0
@@ -256,23 +257,6 @@ def test_an_absent_device_is_refused() -> None:
 
 
 @on_linux
-def test_a_viewer_that_forgets_to_close_ends_with_its_worker(tmp_path: Path) -> None:
-    """The worker heeds no polite signal, as which multiprocessing would wait for it for ever."""
-    script = tmp_path / "forgetful.py"
-    script.write_text(VIEWER.replace("time.sleep(600)", ""), encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, str(script)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=True,
-    )
-    gone = Path(f"/proc/{int(done.stdout)}")
-    until(lambda: not gone.exists(), "the worker goes on")
-
-
-@on_linux
 def test_a_worker_that_does_not_leave_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_module, "GRACE", 0.2)
     session = Session(ENDLESS)
@@ -295,29 +279,35 @@ session = Session(ENDLESS)
 session.drop(ENDLESS)
 look(session)
 print(worker_of(session), flush=True)
-time.sleep(600)
 """
 
 
 @on_linux
-def test_a_viewer_that_is_killed_leaves_no_process_behind(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_killed", [False, True])
+def test_a_viewer_that_closes_nothing_leaves_no_process_behind(
+    tmp_path: Path, is_killed: bool
+) -> None:
+    """Neither at the end of its script nor by SIGKILL.
+
+    The worker heeds no polite signal, as which multiprocessing would wait for it for ever.
+    """
     script = tmp_path / "viewer.py"
-    script.write_text(VIEWER)
+    script.write_text(f"{VIEWER}time.sleep({600 if is_killed else 0})\n")
     viewer = subprocess.Popen(
         [sys.executable, str(script)],
         stdout=subprocess.PIPE,
         text=True,
-        cwd=Path(__file__).parents[2],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     assert viewer.stdout is not None
-    pid = int(viewer.stdout.readline())
-    modules = Path(f"/proc/{pid}/maps").read_text()
-    assert "taichi_python" in modules
-    assert "matplotlib" not in modules
-    viewer.kill()
-    viewer.wait()
-    until(lambda: not Path(f"/proc/{pid}").exists(), "the worker goes on")
+    worker = Path(f"/proc/{int(viewer.stdout.readline())}")
+    if is_killed:
+        modules = (worker / "maps").read_text()
+        assert "taichi_python" in modules
+        assert "matplotlib" not in modules
+        viewer.kill()
+    assert viewer.wait(PATIENCE) == (-signal.SIGKILL if is_killed else 0)
+    until(lambda: not worker.exists(), "the worker goes on")
 
 
 @pytest.mark.parametrize(
@@ -341,23 +331,18 @@ def test_a_drop_that_is_killed_goes_on_from_its_checkpoint_to_the_last_bit(tmp_p
     goes_on = True
     keeping = lambda _: Keeping(tmp_path, 0.05, goes_on)  # noqa: E731
     with Session(scene, pace=0.05, keeping=keeping) as session:
-        wait_for(session, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.03)
+        frame_when(session, lambda frame: frame.snapshot.time > 0.03)
         os.kill(worker_of(session), signal.SIGKILL)
         wait_for(session, lambda event: isinstance(event, Died))
         session.drop(scene)
         assert look(session).snapshot.time > 0.0
-        wait_for(session, lambda event: isinstance(event, Frame) and event.snapshot.time > 0.06)
+        frame_when(session, lambda frame: frame.snapshot.time > 0.06)
         session.finish()  # as when a window is closed: what there is is kept, too
         session.tell(Pace(None))
         session.drop(scene)
         result = wait_for(session, lambda event: isinstance(event, Ended)).result
         assert result.run["resumed"] == 2
-        for name, column in whole.history.items():
-            np.testing.assert_array_equal(result.history[name], column, err_msg=name)
-        assert len(result.snapshots) == len(whole.snapshots)
-        for mine, other in zip(result.snapshots, whole.snapshots, strict=True):
-            for name, value in vars(other).items():
-                np.testing.assert_array_equal(getattr(mine, name), value, err_msg=name)
+        assert_same(whole, result)
         # who drops again begins at the start
         goes_on = False
         session.tell(Pace(0.05))

@@ -159,29 +159,45 @@ def test_tests_of_the_paper_are_known_by_their_conditions(name: str) -> None:
         assert impacts.test_of(load_scene(scene, overrides=[change])) is None
 
 
+def setting(value: str) -> str:
+    """A message that sets the mass to this."""
+    return f'{{"do": "set", "shape": "flat", "values": {{"impactor.mass": {value}}}}}'
+
+
 @pytest.mark.parametrize(
-    "text",
+    ("text", "words"),
     [
-        "",
-        "null",
-        '"next"',
-        '{"do": null}',
-        '{"do": "step", "seconds": -1}',
-        '{"do": "step", "seconds": "1e-3"}',
-        '{"do": "pace", "rate": 2}',
-        '{"do": "set", "shape": "flat", "values": {"impactor.mass": true}}',
-        '{"do": "set", "shape": "flat", "values": {"impactor.mass": Infinity}}',
-        '{"do": "set", "shape": "flat", "values": {"impactor.mass": 1e13}}',
-        '{"do": "set", "shape": "flat", "values": {"impactor.mass": %s}}' % ("9" * 401),
-        '{"do": "set", "shape": "flat", "values": {"impactor.mass": -%s}}' % ("9" * 5000),
-        json.dumps({"do": "set", "shape": "flat", "values": {f"k{n}": 1 for n in range(65)}}),
-        '{"do": "watch", "on": true, "tone": "pink"}',
-        '{"do": "next"} {"do": "next"}',
-        "\ud800",
+        ("", "Invalid JSON"),
+        ("{", "Invalid JSON"),
+        ("\ud800", ""),
+        ("[" * 60_000, "recursion limit"),
+        ("null", "an object"),
+        ('"next"', "an object"),
+        ("[]", "an object"),
+        ('{"do": null}', "does not match any"),
+        ('{"do": "fly"}', "does not match any"),
+        ('{"do": "pause"}', "Field required"),
+        ('{"do": "pause", "on": 1}', "boolean"),
+        ('{"do": "next", "more": 1}', "next.more: Unexpected keyword"),
+        ('{"do": "next"} {"do": "next"}', "Invalid JSON"),
+        ('{"do": "step", "seconds": -1}', "greater than 0"),
+        ('{"do": "step", "seconds": "1e-3"}', "valid number"),
+        ('{"do": "step", "seconds": 1e400}', "finite"),
+        ('{"do": "pace", "rate": 0}', "greater than"),
+        ('{"do": "pace", "rate": 2}', "at most 1"),
+        ('{"do": "pace", "rate": NaN}', "finite"),
+        (setting("true"), "valid integer"),
+        (setting("Infinity"), "valid integer"),
+        (setting("1e13"), "valid integer"),
+        (setting("9" * 401), "less than or equal to 1000000000000"),
+        (setting("-" + "9" * 5000), ""),
+        (json.dumps({"do": "set", "shape": "flat", "values": dict.fromkeys(map(str, range(65)))}),
+         "at most 64"),
+        ('{"do": "watch", "on": true, "tone": "pink"}', "'light' or 'dark'"),
     ],
-)
-def test_messages_that_are_none_are_refused_in_a_line(text: str) -> None:
-    with pytest.raises(ValueError, match=r"^message refused: ") as error:
+)  # fmt: skip
+def test_messages_that_are_none_are_refused_in_a_line(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=f"^message refused: .*{re.escape(words)}") as error:
         commands.read(text)
     assert len(str(error.value)) < 400
 

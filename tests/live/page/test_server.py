@@ -104,26 +104,11 @@ def test_pages_of_others_get_no_socket(served: Served) -> None:
 @pytest.mark.parametrize(
     ("message", "answer"),
     [
-        ("{", "Invalid JSON"),
-        ("[" * 60_000, "recursion limit"),
-        ("[]", "message refused"),
-        ('{"do": "fly"}', "does not match any"),
-        ('{"do": "pause"}', "Field required"),
-        ('{"do": "pause", "on": 1}', "boolean"),
-        ('{"do": "next", "more": 1}', "next.more: Unexpected keyword"),
-        ('{"do": "pace", "rate": NaN}', "finite"),
-        ('{"do": "pace", "rate": 0}', "greater than"),
-        ('{"do": "step", "seconds": 1e400}', "finite"),
-        ('{"do": "look", "mode": "x", "theme": "dark", "grid": true}', "mode = 'x'"),
-        ('{"do": "set", "shape": "hat", "values": {}}', "must be one of flat"),
-        ('{"do": "set", "shape": "wedge", "values": {"name": 1}}', "no such control"),
+        ("[" * 60_000, "recursion limit"),  # refused by `commands.read`
+        (b"\x00\xff", "not binary"),
+        ('{"do": "look", "mode": "x", "theme": "dark", "grid": true}', "mode = 'x'"),  # by the view
         ('{"do": "set", "shape": "wedge", "values": {"impactor.mass": -1}}', "above 0"),
         ('{"do": "drop", "shape": "wedge", "values": {"block.rows": 40000}}', "at most 100,000"),
-        (
-            '{"do": "set", "shape": "wedge", "values": {"impactor.mass": %s}}' % ("9" * 401),
-            "less than or equal to 1000000000000",
-        ),
-        (b"\x00\xff", "not binary"),
     ],
 )
 def test_a_bad_message_is_answered_to_its_sender_alone(
