@@ -89,9 +89,10 @@ class Save:
 
 @dataclass(frozen=True)
 class Cushion:
-    """Show the cushion chart of these conditions [SI]; static stresses may be left open.
+    """Show the cushion chart of these conditions [SI].
 
-    tests  own cushion tests to draw beside it, as text
+    least, most  static stresses; None: as the formula suggests
+    tests        own cushion tests to draw beside it, as a text with a header
     """
 
     foam: Annotated[str, Field(max_length=60)]

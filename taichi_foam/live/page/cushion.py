@@ -24,6 +24,7 @@ from taichi_foam.cushions import own_tests
 from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
+from taichi_foam.live.page.commands import Cushion
 from taichi_foam.scene.families import FAMILIES
 from taichi_foam.scene.library import foam_of, listed, names, packaged
 from taichi_foam.scene.messages import shown
@@ -210,7 +211,6 @@ class Charts:
         self._given = given
         self._has_own = given.foam.loading(np.zeros(1)) is not None
         self.chart: Chart | None = None
-        self._number = 0
         self._process: _Process | None = None
 
     def told(self) -> dict[str, Any]:
@@ -223,28 +223,14 @@ class Charts:
             "inputs": [each.told() for each in INPUTS],
         }
 
-    def ask(
-        self,
-        foam: str,
-        thickness: float,
-        drop_height: float,
-        least: float | None,
-        most: float | None,
-        tests: str = "",
-    ) -> None:
-        """Show another chart, and compute it instead of the one before. SI units.
-
-        `least` and `most` are static stresses; None: as the formula suggests. `tests` are own
-        cushion tests, as a text with a header. Raises UserError.
-        """
-        given = (thickness, drop_height, least, most)
-        for each, value in zip(INPUTS, given, strict=True):
-            each.check(value)
-        drops, about = self._drops(foam, thickness, drop_height)
-        measured = own_tests.pasted(tests) if tests.strip() else None
-        chart = _chart(self._number + 1, drops, about, least, most, measured)
+    def ask(self, asked: Cushion) -> None:
+        """Show another chart, and compute it instead of the one before. Raises UserError."""
+        for each in INPUTS:
+            each.check(getattr(asked, each.key))
+        number = self.chart.number if self.chart else 0
+        chart = _chart(number + 1, asked, *self._drops(asked))
         self.close()
-        self._number, self.chart = chart.number, chart
+        self.chart = chart
         try:
             self._process = _Process(chart.drops)
         except OSError as error:
@@ -283,32 +269,26 @@ class Charts:
         words = f"in the library: {', '.join(names())}"
         return f"{OWN}, or {words}" if self._has_own else words
 
-    def _drops(self, foam: str, thickness: float, drop_height: float) -> tuple[Drops, str]:
+    def _drops(self, asked: Cushion) -> tuple[Drops, str]:
         """The drops, with no static stresses yet, and what foam it is. Raises UserError."""
+        foam, sizes = asked.foam, (asked.thickness, asked.drop_height)
         if foam == OWN and self._has_own:
             own, density = self._given.foam, self._given.block.density
             called = f"foam of {self._given.name}"
-            drops = Drops(called, own, density, thickness, drop_height)
-            return drops, f"{called}, {density:.4g} kg/m³"
+            return Drops(called, own, density, *sizes), f"{called}, {density:.4g} kg/m³"
         # a path would be read, too
         if foam not in packaged() and all(each.density(foam) is None for each in FAMILIES):
             raise UserError(f"foam = {shown(foam)}: must be {self._foams}")
-        return Drops(foam, foam, None, thickness, drop_height), foam_of(foam).title
+        return Drops(foam, foam, None, *sizes), foam_of(foam).title
 
 
-def _chart(
-    number: int,
-    asked: Drops,
-    about: str,
-    least: float | None,
-    most: float | None,
-    tests: OwnTests | None,
-) -> Chart:
+def _chart(number: int, asked: Cushion, drops: Drops, about: str) -> Chart:
     """A chart with nothing simulated yet. Raises UserError."""
     from taichi_foam.cushions.scenes import stress_curve
 
-    thickness, height = asked.thickness, asked.drop_height
-    scene = asked.scene(1e3)
+    tests = own_tests.pasted(asked.tests) if asked.tests.strip() else None
+    thickness, height, least, most = asked.thickness, asked.drop_height, asked.least, asked.most
+    scene = drops.scene(1e3)
     strain, stress = stress_curve(scene)
     plateau = scene.foam.landmarks.plateau_stress
     best, stop = energy.optimum(strain, stress, height, thickness)
@@ -334,7 +314,7 @@ def _chart(
     statics = tuple(float(f"{each:.3g}") for each in np.geomspace(least, most, POINTS))
     if len(set(statics)) < POINTS:
         raise UserError(f"most = {1e-3 * most:.6g} kPa: must be at least 5 % above the least one")
-    drops = replace(asked, statics=statics)
+    drops = replace(drops, statics=statics)
     for each in (statics[0], statics[-1]):
         drops.scene(each)  # what cannot be dropped is best told by its scene
     fine = np.union1d(np.geomspace(statics[0], statics[-1], FINE), [best])

@@ -236,14 +236,7 @@ class PageView:
             case commands.Reset():
                 self._drop(self.controls.shape, self.controls.defaults)
             case commands.Cushion():
-                self.charts.ask(
-                    command.foam,
-                    command.thickness,
-                    command.drop_height,
-                    command.least,
-                    command.most,
-                    command.tests,
-                )
+                self.charts.ask(command)
                 self._post_chart()
             case commands.Point(chart=chart, point=point):
                 self._begin(self.charts.scene(chart, point))

@@ -11,6 +11,7 @@ from processes import until
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
 from taichi_foam.live.controls import Controls
+from taichi_foam.live.page.commands import Cushion
 from taichi_foam.live.page.cushion import INPUTS, OWN, POINTS, Charts
 from taichi_foam.scene.library import foam_of
 from taichi_foam.shim2000.impacts import paper_scene
@@ -52,7 +53,7 @@ _Idle.begun = []
 
 
 def test_the_formula_is_there_at_once_and_nothing_else(charts: Charts) -> None:
-    charts.ask("eps-20", 0.05, 0.76, 2e3, 8e3)
+    charts.ask(Cushion("eps-20", 0.05, 0.76, 2e3, 8e3))
     assert charts.chart is not None
     told = charts.chart.told(WEDGE)
     statics = np.array([point["static"] for point in told["points"]])
@@ -67,30 +68,30 @@ def test_the_formula_is_there_at_once_and_nothing_else(charts: Charts) -> None:
 
 
 def test_own_tests_of_its_height_and_thickness_are_on_the_chart(charts: Charts) -> None:
-    charts.ask("eps-20", 0.05, 0.76, None, None, TESTS.replace(",", "\t"))
+    charts.ask(Cushion("eps-20", 0.05, 0.76, None, None, TESTS.replace(",", "\t")))
     assert charts.chart is not None
     told = charts.chart.told(WEDGE)["tests"]
     assert (told["static"].tolist(), told["g"].tolist(), told["all"]) == ([5200.0], [41.0], 2)
-    charts.ask("eps-20", 0.04, 0.76, None, None, " ")
+    charts.ask(Cushion("eps-20", 0.04, 0.76, None, None, " "))
     assert charts.chart.told(WEDGE)["tests"] is None
 
 
 def test_the_usual_range_holds_the_optimum_of_every_foam(charts: Charts) -> None:
     for foam in (OWN, "rigid-pu-40", "eps-14.4"):
-        charts.ask(foam, 0.02, 1.0, None, None)
+        charts.ask(Cushion(foam, 0.02, 1.0, None, None))
         assert charts.chart is not None
         statics = charts.chart.drops.statics
         assert statics[0] < charts.chart.least[0] < statics[-1]
         # a thick pad and a short fall: its optimum would crush it by the weight alone
-        charts.ask(foam, 0.3, 0.01, None, None)
+        charts.ask(Cushion(foam, 0.3, 0.01, None, None))
 
 
 def test_another_chart_ends_the_one_before(charts: Charts) -> None:
     _Idle.begun.clear()
-    charts.ask("eps-20", 0.05, 0.76, None, None)
+    charts.ask(Cushion("eps-20", 0.05, 0.76, None, None))
     assert charts.chart is not None
     first = charts.chart.number
-    charts.ask("eps-30", 0.05, 0.76, None, None)
+    charts.ask(Cushion("eps-30", 0.05, 0.76, None, None))
     assert [each.is_closed for each in _Idle.begun] == [True, False]
     with pytest.raises(UserError, match="has been replaced"):
         charts.scene(first, 0)
@@ -119,18 +120,18 @@ def test_another_chart_ends_the_one_before(charts: Charts) -> None:
 def test_what_makes_no_chart_is_refused_and_the_chart_stays(
     charts: Charts, foam: str, values: dict, words: str
 ) -> None:
-    charts.ask(OWN, 0.05, 0.76, None, None)
+    charts.ask(Cushion(OWN, 0.05, 0.76, None, None))
     before = charts.chart
     given = dict.fromkeys(each.key for each in INPUTS) | {"thickness": 0.05, "drop_height": 0.76}
     with pytest.raises(UserError, match=words):
-        charts.ask(foam, **{**given, **values})
+        charts.ask(Cushion(foam, **{**given, **values}))
     assert charts.chart is before
 
 
 def test_simulated_drops_are_those_that_a_run_gives(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taichi_foam.live.page.cushion.POINTS", 2)
     charts = Charts(WEDGE.with_values({"foam.rate": None}))
-    charts.ask(OWN, 0.04, 0.3, None, None)
+    charts.ask(Cushion(OWN, 0.04, 0.3, None, None))
     chart = charts.chart
     assert chart is not None
 
@@ -152,7 +153,7 @@ def test_simulated_drops_are_those_that_a_run_gives(monkeypatch: pytest.MonkeyPa
 
 def test_a_process_that_is_ended_is_told_with_what_there_is() -> None:
     charts = Charts(WEDGE)
-    charts.ask(OWN, 0.04, 0.3, None, None)
+    charts.ask(Cushion(OWN, 0.04, 0.3, None, None))
     chart = charts.chart
     assert chart is not None
     assert charts._process is not None
@@ -165,7 +166,7 @@ def test_a_process_that_is_ended_is_told_with_what_there_is() -> None:
 
 def test_controls_describe_what_they_have_made_and_no_cushion(charts: Charts) -> None:
     controls = Controls(WEDGE)
-    charts.ask(OWN, 0.05, 0.76, None, None)
+    charts.ask(Cushion(OWN, 0.05, 0.76, None, None))
     assert charts.chart is not None
     assert not controls.describes(charts.chart.scene(3))
     assert controls.describes(WEDGE)
