@@ -41,7 +41,8 @@ _NARROW = 450
 class Lineup:
     """Two to four finished runs to be shown together.
 
-    runs    from left to right or downwards; each with at least one snapshot
+    runs    from left to right or downwards; each with at least one snapshot. Pictures have size,
+            pace, mode and theme of the first one's scene
     names   their names in the pictures
     asides  further text on each, shown if there is room; empty: none
 
@@ -125,9 +126,14 @@ class Lineup:
             if run.scene.is_slowed
         ]
 
-    def key(self, look: Look) -> Key:
+    @cached_property
+    def look(self) -> Look:
+        return Look.of(self.runs[0].scene)
+
+    @cached_property
+    def key(self) -> Key:
         """The colour key with the largest range; the first of equal ones."""
-        return max((look.shown.key(run.scene) for run in self.runs), key=lambda key: key.top)
+        return max((self.look.shown.key(run.scene) for run in self.runs), key=lambda key: key.top)
 
 
 def at(snapshots: Sequence[Snapshot], time: float) -> Snapshot:
@@ -141,15 +147,12 @@ def at(snapshots: Sequence[Snapshot], time: float) -> Snapshot:
     return min(snapshots, key=distance)
 
 
-def frame(
-    lineup: Lineup, time: float, size: tuple[int, int] = (1280, 720), *, look: Look | None = None
-) -> Image8:
+def frame(lineup: Lineup, time: float, size: tuple[int, int] = (1280, 720)) -> Image8:
     """Draw one instant of all runs, with names, impactor displacements, time, key and curves.
 
     Args:
         time: time of the instant [s]; a run that has ended earlier is shown in its final state.
         size: width and height [pixels].
-        look: mode, theme and grid; default those of the first run's scene.
 
     Returns:
         uint8 (height, width, 3). Below half of 1280 x 720 pixels there is no text; a page wider
@@ -159,33 +162,26 @@ def frame(
         UserError: a size below 64 x 64.
     """
     raster.check_size(size)
-    look = look or Look.of(lineup.runs[0].scene)
-    tones, layout, key = look.tones, _Layout.best(lineup, size, look.words), lineup.key(look)
-    image, unit = annotate.blank(*size, tones.page), layout.unit
+    look, layout = lineup.look, _Layout.best(lineup, size)
+    image, unit = annotate.blank(*size, look.tones.page), layout.unit
     scale = 1.0
     for run, box in zip(lineup.runs, layout.fields, strict=True):
         view = fit(lineup.window, box)
         scale = view.scale
-        annotate.field(image, view, unit, tones, raster.support_of(run.scene))
-        raster.draw(image, at(run.snapshots, time), run.scene, view, unit, look, key)
+        annotate.field(image, view, unit, look.tones, raster.support_of(run.scene))
+        raster.draw(image, at(run.snapshots, time), run.scene, view, unit, look, lineup.key)
     if not layout.has_text:
         return image
     for k in range(len(lineup.runs)):
-        _write_head(image, layout, lineup, k, time, look)
+        _write_head(image, layout, lineup, k, time)
     if layout.diagram and lineup.curves:
         shown = [curve.until(time) for curve in lineup.curves]
         inset.draw(image, layout.diagram, shown, look.theme, 1.2 * unit)
-    _write_clock(image, layout, annotate.time_text(time, lineup.interval), scale, look, key)
+    _write_clock(image, layout, lineup, time, scale)
     return image
 
 
-def instants(
-    lineup: Lineup,
-    *,
-    n: int = INSTANTS,
-    width: int = montage.WIDTH,
-    look: Look | None = None,
-) -> Image8:
+def instants(lineup: Lineup, *, n: int = INSTANTS, width: int = montage.WIDTH) -> Image8:
     """Draw `n` instants of all runs as one picture `width` pixels wide, one row per run.
 
     Returns uint8 (h, width, 3), h even. Raises UserError for fewer than one instant, or for a
@@ -194,9 +190,7 @@ def instants(
     montage.check_width(width)
     if n < 1:
         raise UserError(f"montage: n = {n}; must be at least 1")
-    look = look or Look.of(lineup.runs[0].scene)
-    tones, key = look.tones, lineup.key(look)
-    unit = width / montage.WIDTH
+    look, unit = lineup.look, width / montage.WIDTH
     gap, text = round(montage.GAP * unit), montage.TEXT * unit
     across = (width - gap * (n + 1)) // n
     world = _together([montage.around(run.scene, run.snapshots) for run in lineup.runs])
@@ -211,7 +205,7 @@ def instants(
     )
     high += strip
     above = len(lineup.runs) * (head + high) + foot
-    image = annotate.blank(width, above + above % 2, tones.page)
+    image = annotate.blank(width, above + above % 2, look.tones.page)
     scale, plain = 1.0, annotate.font(0.8 * text)
     for k, run in enumerate(lineup.runs):
         top = head + k * (head + high)
@@ -221,14 +215,15 @@ def instants(
             place, tone = (width - gap - 2, foot_of_name), look.tones.soft_ink
             annotate.write(image, place, ended, plain, anchor="rs", colour=tone)
             room -= plain.getlength(ended) + 0.7 * text
-        _write_name(image, (gap + 2, foot_of_name), lineup, k, room, 1.0 * text, look)
+        _write_name(image, (gap + 2, foot_of_name), lineup, k, room, text)
         for column, snapshot in enumerate(shown[k]):
             left = gap + column * (across + gap)
             box = Box(left, top, left + across, top + high)
             scale = montage.panel(
-                image, box, snapshot, run.scene, world, unit, look, key, lineup.interval, strip
-            )
-    montage.foot_line(image, above, scale, unit, look, key)
+                image, box, snapshot, run.scene, world, unit, look, lineup.key, lineup.interval,
+                strip,
+            )  # fmt: skip
+    montage.foot_line(image, above, scale, unit, look, lineup.key)
     return image
 
 
@@ -243,7 +238,7 @@ def _together(windows: Sequence[Window]) -> Window:
 
 
 class _Layout:
-    """Positions of the parts of a frame [pixels]; text only with `words`, and if there is room.
+    """Positions of the parts of a frame [pixels]; text only if there is room.
 
     The fields are in `columns`, with the diagram below them. `beside` puts clock and diagram to
     their right instead. On a wide page clock and key are on one line.
@@ -251,13 +246,11 @@ class _Layout:
 
     diagram: Box | None = None
 
-    def __init__(
-        self, lineup: Lineup, size: tuple[int, int], words: bool, columns: int, beside: bool
-    ) -> None:
+    def __init__(self, lineup: Lineup, size: tuple[int, int], columns: int, beside: bool) -> None:
         (width, height), world = size, lineup.window
         self.is_level, self.beside = width > _WIDE * height, beside
         unit = self.unit = min(width / 1280, height / (460 if self.is_level else 720))
-        self.has_text = words and unit >= _LEAST_UNIT - 1e-9
+        self.has_text = unit >= _LEAST_UNIT - 1e-9
         rows = -(-len(lineup.runs) // columns)
         margin, gap = max(2, round(18 * unit)), round(12 * unit)
         head, foot, side = margin, margin, 0
@@ -293,21 +286,19 @@ class _Layout:
             self.clock = Box(width - margin - half, top, width - margin, foot)
 
     @classmethod
-    def best(cls, lineup: Lineup, size: tuple[int, int], words: bool) -> _Layout:
+    def best(cls, lineup: Lineup, size: tuple[int, int]) -> _Layout:
         """The layout with the largest fields: in a row, in a column, or four as 2 x 2."""
         grids = {2: [(2, False), (1, False)], 3: [(3, False), (1, False)]}
         four = [(4, False), (2, False), (2, True)]
-        found = [cls(lineup, size, words, *grid) for grid in grids.get(len(lineup.runs), four)]
+        found = [cls(lineup, size, *grid) for grid in grids.get(len(lineup.runs), four)]
         return max(found, key=lambda layout: layout.pixels)
 
 
-def _write_head(
-    image: Image8, layout: _Layout, lineup: Lineup, k: int, time: float, look: Look
-) -> None:
+def _write_head(image: Image8, layout: _Layout, lineup: Lineup, k: int, time: float) -> None:
     """Write a run's name above its field, and below the name the displacement and the run's end."""
-    box, unit, tones, run = layout.fields[k], layout.unit, look.tones, lineup.runs[k]
+    box, unit, tones, run = layout.fields[k], layout.unit, lineup.look.tones, lineup.runs[k]
     head = box.top - round(80 * unit)
-    _write_name(image, (box.left, head + 36 * unit), lineup, k, box.width, 26 * unit, look)
+    _write_name(image, (box.left, head + 36 * unit), lineup, k, box.width, 26 * unit)
     plain, bold = annotate.font(21 * unit), annotate.font(24 * unit, bold=True)
     foot, start = head + 68 * unit, float(box.left)
     if run.scene.impactor is not None:
@@ -330,35 +321,33 @@ def _write_name(
     k: int,
     room: float,
     size: float,
-    look: Look,
 ) -> None:
     """Write a run's name in the colour of its curve, then its further text, if there is room."""
     bold, plain = annotate.font(size, bold=True), annotate.font(0.8 * size)
+    tones = lineup.look.tones
     name = annotate.shortened(lineup.names[k], bold, room)
-    annotate.write(image, place, name, bold, colour=look.tones.curves[k])
+    annotate.write(image, place, name, bold, colour=tones.curves[k])
     start, aside = bold.getlength(name) + 0.7 * size, lineup.asides[k] if lineup.asides else ""
     if aside and start + plain.getlength(aside) <= room:
         after = (place[0] + start, place[1])
-        annotate.write(image, after, aside, plain, colour=look.tones.soft_ink)
+        annotate.write(image, after, aside, plain, colour=tones.soft_ink)
 
 
-def _write_clock(
-    image: Image8, layout: _Layout, time: str, scale: float, look: Look, key: Key
-) -> None:
+def _write_clock(image: Image8, layout: _Layout, lineup: Lineup, time: float, scale: float) -> None:
     """Draw time, scale bar and key: the key below them, on one line with them, or upright."""
     box, unit, level = layout.clock, layout.unit, layout.is_level
-    ink, plain = look.tones.ink, annotate.font(21 * unit)
+    tones, key, plain = lineup.look.tones, lineup.key, annotate.font(21 * unit)
     foot = box.top + 58 * unit
-    annotate.write(image, (box.left, box.top + 20 * unit), "time", plain, colour=ink)
-    big = annotate.font(34 * unit, bold=True)
-    annotate.write(image, (box.left, foot), time, big, colour=ink)
+    annotate.write(image, (box.left, box.top + 20 * unit), "time", plain, colour=tones.ink)
+    now, big = annotate.time_text(time, lineup.interval), annotate.font(34 * unit, bold=True)
+    annotate.write(image, (box.left, foot), now, big, colour=tones.ink)
     share = (0.16 if level else 0.5) * box.width
-    middle = box.left + max(share, big.getlength(time) + 24 * unit)
+    middle = box.left + max(share, big.getlength(now) + 24 * unit)
     longest = min(170 * unit, box.right - middle)
-    annotate.scale_bar(image, middle, foot, scale, longest, 21 * unit, look.tones)
+    annotate.scale_bar(image, middle, foot, scale, longest, 21 * unit, tones)
     if layout.beside:
         upright = Box(box.left, round(foot + 40 * unit), box.right, box.bottom)
-        annotate.upright_key(image, upright, 21 * unit, key, look.tones)
+        annotate.upright_key(image, upright, 21 * unit, key, tones)
         return
     # The last tick's text is centred on the bar's end.
     room = plain.getlength(key.ticks[-1][1]) / 2
@@ -367,4 +356,4 @@ def _write_clock(
         left = max(box.left + 0.33 * box.width, middle + longest + 24 * unit)
         top, high = box.top, box.height
     place = Box(round(left), round(top), round(box.right - room), round(top + high))
-    annotate.level_key(image, place, 21 * unit, key, look.tones, under=not level)
+    annotate.level_key(image, place, 21 * unit, key, tones, under=not level)

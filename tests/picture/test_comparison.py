@@ -27,6 +27,13 @@ from taichi_foam.scene import Block, FlatBlock, Output, Scene, Wedge
 SIZE = (1280, 720)
 
 
+def shown_as(lineup: Lineup, mode: str = "worst-strain", theme: str = "light") -> Lineup:
+    """The same runs with colours of another quantity, or on a page of another colour."""
+    output = {"output.mode": mode, "output.theme": theme}
+    runs = [replace(run, scene=run.scene.with_values(output)) for run in lineup.runs]
+    return replace(lineup, runs=tuple(runs))
+
+
 def result_of(scene: Scene, snapshots: list[Snapshot], top: float = 70.0) -> Result:
     """A run with these snapshots whose deceleration rises to `top` [m/s2] at its end."""
     time = np.linspace(0, snapshots[-1].time if snapshots else 0.01, 200)
@@ -72,7 +79,7 @@ def of_paper(name: str, *settings: str) -> Result:
 
 def layout_of(lineup: Lineup, image: np.ndarray) -> comparison._Layout:
     """Where the parts of a frame lie."""
-    return comparison._Layout.best(lineup, (image.shape[1], image.shape[0]), True)
+    return comparison._Layout.best(lineup, (image.shape[1], image.shape[0]))
 
 
 def fields_of(image: np.ndarray, lineup: Lineup) -> list[np.ndarray]:
@@ -90,11 +97,10 @@ def differing(one: np.ndarray, other: np.ndarray) -> float:
 @pytest.mark.parametrize("size", [SIZE, (1200, 432), (720, 1280)])
 @pytest.mark.parametrize("order", [(1, 0), (1, 2, 0), (2, 0, 3, 1)])
 def test_when_the_runs_change_places_the_fields_do(order: tuple, size, theme: str) -> None:
-    one = lineup_of(len(order))
+    one = shown_as(lineup_of(len(order)), theme=theme)
     other = Lineup.of([one.runs[k] for k in order])
-    look = Look(theme=theme)
-    before = fields_of(comparison.frame(one, 0.015, size, look=look), one)
-    after = fields_of(comparison.frame(other, 0.015, size, look=look), other)
+    before = fields_of(comparison.frame(one, 0.015, size), one)
+    after = fields_of(comparison.frame(other, 0.015, size), other)
     for place, k in enumerate(order):
         assert differing(after[place], before[k]) < 3e-3
         assert differing(after[place], before[place]) > 0.01
@@ -110,7 +116,7 @@ def test_when_the_runs_change_places_the_fields_do(order: tuple, size, theme: st
 )  # fmt: skip
 def test_fields_stand_as_the_page_has_room_for_them(count: int, size, grid) -> None:
     lineup = lineup_of(count)
-    boxes = comparison._Layout.best(lineup, size, True).fields
+    boxes = comparison._Layout.best(lineup, size).fields
     assert (len({box.left for box in boxes}), len({box.top for box in boxes})) == grid
     assert [(box.top, box.left) for box in boxes] == sorted((box.top, box.left) for box in boxes)
     assert len({(box.width, box.height) for box in boxes}) == 1
@@ -120,7 +126,7 @@ def test_four_tall_windows_stand_in_a_row() -> None:
     tall = Scene(name="tall", block=Block(width=0.1, height=0.3, columns=10, rows=30),
                  impactor=FlatBlock(width=0.03))  # fmt: skip
     run = result_of(tall, [intact(tall)])
-    boxes = comparison._Layout.best(Lineup.of([run] * 4), SIZE, True).fields
+    boxes = comparison._Layout.best(Lineup.of([run] * 4), SIZE).fields
     assert len({box.top for box in boxes}) == 1
 
 
@@ -199,9 +205,9 @@ def test_a_colour_means_one_figure_in_all_fields() -> None:
     """The key goes to the largest top, wherever that is."""
     slow, fast = (dent(str(v), impactor=FlatBlock(velocity=v)) for v in (2.0, 5.0))
     for order in ([slow, fast], [fast, slow], [slow, fast, slow]):
-        assert Lineup.of(order).key(Look("speed")).top == pytest.approx(5.0)
-    same = Lineup.of([slow, fast])
-    assert same.key(Look("strain")) == MODES["strain"].key(slow.scene)
+        assert shown_as(Lineup.of(order), "speed").key.top == pytest.approx(5.0)
+    same = shown_as(Lineup.of([slow, fast]), "strain")
+    assert same.key == MODES["strain"].key(slow.scene)
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
@@ -237,8 +243,8 @@ SIZES = [(1280, 720), (1920, 1080), (640, 360), (720, 1280), (1200, 432), (1280,
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_no_word_of_a_frame_overlaps_or_is_cut(count: int, mode: str, size, written: list) -> None:
     runs = [dent(LONG, count=11), cut("b" + LONG), lean("short"), shallow("flat block, 3.03 m/s")]
-    lineup = Lineup.of(runs[:count])
-    image = comparison.frame(lineup, 0.025, size, look=Look(mode, "dark"))
+    lineup = shown_as(Lineup.of(runs[:count]), mode, "dark")
+    image = comparison.frame(lineup, 0.025, size)
     check_words(written)
     said = {text for _, text, _ in written}
     assert {"25.0 ms", "2.00 cm"} <= said
@@ -258,7 +264,7 @@ def test_no_word_of_a_montage_overlaps_or_is_cut(
     count: int, mode: str, width: int, written: list
 ) -> None:
     lineup = Lineup.of([dent(LONG), cut("cut"), lean(), shallow()][:count])
-    comparison.instants(lineup, width=width, look=Look(mode))
+    comparison.instants(shown_as(lineup, mode), width=width)
     check_words(written)
 
 
