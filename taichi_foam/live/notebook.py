@@ -5,7 +5,6 @@ The formatters are registered with IPython here, so that results do not depend o
 
 from __future__ import annotations
 
-import base64
 import html
 import io
 import tempfile
@@ -144,16 +143,19 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 def _picture(image: NDArray) -> str:
     from PIL import Image
 
+    from taichi_foam.picture.document import data_address
+
     file = io.BytesIO()
     # There are few colours: a palette halves the size in the notebook's file.
     Image.fromarray(image).quantize(192).save(file, "PNG", optimize=True)
-    return f'<img style="max-width:100%" src="{_data("image/png", file.getvalue())}">'
+    return f'<img style="max-width:100%" src="{data_address("image/png", file.getvalue())}">'
 
 
 def _film(result: Result) -> str:
     """The run as a film that plays in the page; the last picture is held."""
     from taichi_foam.catalogue import title
     from taichi_foam.picture import films
+    from taichi_foam.picture.document import data_address
 
     scene = result.scene
     every = -(-len(result.snapshots) // MOST_FRAMES)
@@ -168,9 +170,5 @@ def _film(result: Result) -> str:
     reel, names = films.Reel.of(small, title(scene)), films.Names(mp4="film.mp4")
     with tempfile.TemporaryDirectory() as folder:
         (path,) = reel.write(Path(folder), names=names)
-        data = _data("video/mp4", path.read_bytes())
+        data = data_address("video/mp4", path.read_bytes())
     return f'<video controls muted loop autoplay width="{width}" src="{data}"></video>'
-
-
-def _data(kind: str, content: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import matplotlib as mpl
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, Template
 
-from taichi_foam.errors import UserError
-from taichi_foam.picture.style import STYLE
-from taichi_foam.results.files import whole_file
+from taichi_foam.picture.style import STYLE, written
 from taichi_foam.version import version
 
 if TYPE_CHECKING:
@@ -87,14 +85,8 @@ def write(
         version=version(),
     )
     target = Path(path)
-    try:
-        with whole_file(target) as partial:
-            partial.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise UserError(
-            f"report {target}: it could not be written ({error.strerror}); "
-            "check the folder, its permissions and the free space"
-        ) from error
+    with written(target, "report") as partial:
+        partial.write_text(page, encoding="utf-8")
     return target
 
 
@@ -122,6 +114,10 @@ def _embedded(figure: Figure, look: Any) -> _Picture:
     text = io.BytesIO()
     with mpl.rc_context(look):
         figure.savefig(text, format="svg", facecolor="white", metadata={"Date": None})
-    source = base64.b64encode(text.getvalue()).decode("ascii")
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
-    return _Picture(f"data:image/svg+xml;base64,{source}", (width, height))
+    return _Picture(data_address("image/svg+xml", text.getvalue()), (width, height))
+
+
+def data_address(kind: str, content: bytes) -> str:
+    """A file of a MIME type as an address, for pages that hold all that they show."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,21 +96,28 @@ def save(figure: Figure, path: str | Path, *, svg: bool = False, look: Any = STY
     first = Path(path)
     if first.suffix.lower() not in _DATELESS:
         raise UserError(f"figure {first}: the name must end in .png, .svg or .pdf")
-    written = [first, first.with_suffix(".svg")] if svg else [first]
+    targets = [first, first.with_suffix(".svg")] if svg else [first]
+    with mpl.rc_context(look):
+        for target in targets:
+            ending = target.suffix.lower()
+            dpi = _SCREEN_DPI if ending == ".png" else _PRINT_DPI
+            with written(target, "figure") as partial:
+                metadata = _DATELESS[ending]
+                figure.savefig(partial, dpi=dpi, facecolor="white", metadata=metadata)
+    return targets
+
+
+@contextlib.contextmanager
+def written(target: Path, what: str) -> Iterator[Path]:
+    """`whole_file` for a "figure" or a "report". Raises UserError if it cannot be written."""
     try:
-        with mpl.rc_context(look):
-            for target in written:
-                ending = target.suffix.lower()
-                dpi = _SCREEN_DPI if ending == ".png" else _PRINT_DPI
-                with whole_file(target) as partial:
-                    metadata = _DATELESS[ending]
-                    figure.savefig(partial, dpi=dpi, facecolor="white", metadata=metadata)
+        with whole_file(target) as partial:
+            yield partial
     except OSError as error:
         raise UserError(
-            f"figure {first}: it could not be written ({error.strerror}); "
+            f"{what} {target}: it could not be written ({error.strerror}); "
             "check the folder, its permissions and the free space"
         ) from error
-    return written
 
 
 def save_all(figure: Figure, stem: Path) -> None:

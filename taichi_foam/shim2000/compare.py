@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 from taichi_foam.analysis import measures as q
 from taichi_foam.analysis.bands import Band
+from taichi_foam.results.files import write_csv
 from taichi_foam.scene.reference import Reference
 from taichi_foam.shim2000.impacts import TESTS
 
@@ -114,19 +114,18 @@ def write_tables(path: Path, cases: Sequence[Mapping[str, Any]]) -> None:
     For ensembles, simulated is the median, and low and high are the ends of its band.
     """
     ends = [end for end in ("low", "high") if any(end in case for case in cases)]
-    header = ("case", "quantity", "measured", "paper_simulation", "simulated", *ends)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow((*header, "error", "miss"))
-        for case in cases:
-            for quantity in COMPARED:
-                key = quantity.key
-                if case["measured"][key] is None:
-                    continue
-                found = [case[part][key] for part in ("simulated", *ends, "error")]
-                values = [case["measured"][key], theirs(quantity, case), *found]
-                texts = ["" if value is None else f"{value:.6g}" for value in values]
-                writer.writerow([case["name"], key, *texts, int(is_miss(case, key))])
+    head = ("case", "quantity", "measured", "paper_simulation", "simulated", *ends, "error", "miss")
+    rows = []
+    for case in cases:
+        for quantity in COMPARED:
+            key = quantity.key
+            if case["measured"][key] is None:
+                continue
+            found = [case[part][key] for part in ("simulated", *ends, "error")]
+            values = [case["measured"][key], theirs(quantity, case), *found]
+            texts = ["" if value is None else f"{value:.6g}" for value in values]
+            rows.append([case["name"], key, *texts, int(is_miss(case, key))])
+    write_csv(path, {name: [row[k] for row in rows] for k, name in enumerate(head)})
 
 
 def _known(value: float) -> float | None:

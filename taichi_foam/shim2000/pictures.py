@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,6 +17,7 @@ from taichi_foam.analysis.loads import FLAT_RISE_S, absorption_curve, rise_depth
 from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, SLOPE
 from taichi_foam.catalogue import title
 from taichi_foam.picture import figures, films, style
+from taichi_foam.picture.document import data_address
 from taichi_foam.picture.figures import Absorption
 from taichi_foam.picture.montage import montage
 from taichi_foam.shim2000.figures import Deceleration, Whisker, branches, decelerations, errors
@@ -63,14 +63,13 @@ KINDS: Mapping[str, Kind] = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture in figures/.
+    """A picture of the page.
 
     source   data URI of the whole file
     still    data URI of a still picture, for an animated one
     size     width and height [pixels]
     """
 
-    file: str
     caption: str
     alt: str
     source: str
@@ -292,9 +291,8 @@ def _saved(figure: Figure, path: Path, caption: str, alt: str) -> Picture:
 def _picture(path: Path, caption: str, alt: str, still: str | None = None) -> Picture:
     with Image.open(path) as picture:
         size = picture.size
-    return Picture(f"{path.parent.name}/{path.name}", caption, alt, _uri(path), size, still)
+    return Picture(caption, alt, _uri(path), size, still)
 
 
 def _uri(path: Path) -> str:
-    coded = base64.b64encode(path.read_bytes()).decode("ascii")
-    return f"data:image/{path.suffix.removeprefix('.')};base64,{coded}"
+    return data_address(f"image/{path.suffix.removeprefix('.')}", path.read_bytes())

@@ -8,7 +8,6 @@ repeats of a sweep.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -23,6 +22,7 @@ from taichi_foam.analysis.bands import nearest
 from taichi_foam.analysis.impact import impact
 from taichi_foam.errors import Interrupted, RunError, UserError
 from taichi_foam.records.ending import Ending
+from taichi_foam.results.files import write_csv
 from taichi_foam.results.folders import Claim
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
@@ -258,16 +258,16 @@ def _single(scenes: Sequence[Scene], bars: Bars, claim: Claim | None) -> Compute
 
 def write_members(path: Path, cases: Sequence[Case]) -> None:
     """Write members.csv: the varied values and all figures of every run, in SI units."""
-    figures = list(cases[0].members[0].figures) if cases else []
-    figures = [key for key in figures if key != "scene"]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["case", "velocity_m_s", "strength_seed", *figures])
-        for case in cases:
-            for member in case.members:
-                varied = [repr(member.velocity), member.scene.foam.strength_seed]
-                values = [member.figures[key] for key in figures]
-                writer.writerow([case.name, *varied, *map(_cell, values)])
+    members = [member for case in cases for member in case.members]
+    columns: dict[str, list[Any]] = {
+        "case": [case.name for case in cases for _ in case.members],
+        "velocity_m_s": [member.velocity for member in members],
+        "strength_seed": [member.scene.foam.strength_seed for member in members],
+    }
+    for key in members[0].figures if members else ():
+        if key != "scene":
+            columns[key] = [_cell(member.figures[key]) for member in members]
+    write_csv(path, columns)
 
 
 def _member(result: Result) -> Member:

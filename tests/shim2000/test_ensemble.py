@@ -53,29 +53,20 @@ def test_a_number_that_makes_no_ensemble_is_refused(count: int) -> None:
         check(count)
 
 
-def entry(name: str, **errors: float | None) -> dict:
+def entry(name: str, *errors: float | None) -> dict:
+    """A case with errors of duration, displacement and plateau."""
     keys = ("impact_duration_s", "max_displacement_m", "plateau_deceleration_m_s2")
-    return {"name": name, "test": name, "measured": dict.fromkeys(keys, 1.0), "error": errors}
-
-
-def errors(duration: float | None, depth: float | None, plateau: float | None) -> dict:
-    return {
-        "impact_duration_s": duration,
-        "max_displacement_m": depth,
-        "plateau_deceleration_m_s2": plateau,
-    }
+    found = dict(zip(keys, errors, strict=True))
+    return {"name": name, "test": name, "measured": dict.fromkeys(keys, 1.0), "error": found}
 
 
 def test_scores_count_hits_and_take_the_median_of_absolute_errors() -> None:
     """Of 1, 4, 20, 10, 11 % and one without an answer: three hits, and (10 + 11) / 2 %."""
-    entries = [entry("a", **errors(0.01, -0.04, 0.20)), entry("b", **errors(-0.10, 0.11, None))]
-    assert score(entries) == {
-        "within": 3,
-        "of": 6,
-        "median_absolute_error": pytest.approx(0.105),
-    }
+    entries = [entry("a", 0.01, -0.04, 0.20), entry("b", -0.10, 0.11, None)]
+    median = pytest.approx(0.105)
+    assert score(entries) == {"within": 3, "of": 6, "median_absolute_error": median}
     assert score(entries[1:])["median_absolute_error"] == pytest.approx(0.11)
-    lost = [entry("c", **errors(None, None, 0.0))]
+    lost = [entry("c", None, None, 0.0)]
     assert score(lost) == {"within": 1, "of": 3, "median_absolute_error": None}
     assert score([]) == {"within": 0, "of": 0, "median_absolute_error": None}
 

@@ -36,9 +36,8 @@ def test_what_the_scene_asks_for_is_written(
     reel = films.Reel.of(asked)
     written = reel.write(tmp_path, lambda: drawn.append(None))
     assert set(written) == set(tmp_path.iterdir())
-    assert {path.name for path in written} == ({"film.gif", "film.mp4"} if film else set()) | (
-        {"frames"} if frames else set()
-    )
+    names = {"film.gif": film, "film.mp4": film, "frames": frames}
+    assert {path.name for path in written} == {name for name in names if names[name]}
     assert len(drawn) == reel.frames_to_draw()
     if frames:
         pictures = sorted((tmp_path / "frames").glob("*.png"))

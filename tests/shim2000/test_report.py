@@ -10,8 +10,11 @@ from html_page import Page
 from PIL import Image
 
 from taichi_foam.analysis.measures import CREST_G
+from taichi_foam.scene.reference import Reference
 from taichi_foam.shim2000.compare import COMPARED, JUDGED, comparison, hits, is_miss
 from taichi_foam.shim2000.impacts import TESTS
+
+WEDGE = "paper/wedge-2.86"
 
 
 @pytest.fixture(scope="module")
@@ -76,16 +79,15 @@ def test_measured_and_simulated_stand_in_the_text(text: str, study) -> None:
         assert key in text
 
 
-def summary_with(**figures: float | None) -> dict[str, float | None]:
-    return {quantity.key: None for quantity in COMPARED} | figures
+def compared(reference: Reference | None = TESTS[WEDGE].reference, **figures: float) -> dict:
+    """A run with these figures beside the measured ones."""
+    return comparison("a run", reference, {q.key: None for q in COMPARED} | figures)
 
 
 def test_hits_count_what_lies_within_ten_per_cent() -> None:
     """Measured in wedge 2.86: 7.5 cm. 8.25 cm is 10 % more; no answer is a miss."""
-    name, key = "paper/wedge-2.86", "max_displacement_m"
-    within = comparison(name, TESTS[name].reference, summary_with(max_displacement_m=0.0824))
-    beyond = comparison(name, TESTS[name].reference, summary_with(max_displacement_m=0.0826))
-    without = comparison(name, TESTS[name].reference, summary_with())
+    within, beyond = (compared(max_displacement_m=depth) for depth in (0.0824, 0.0826))
+    without, key = compared(), "max_displacement_m"
     assert within["error"][key] == pytest.approx(0.0824 / 0.075 - 1)
     assert [is_miss(case, key) for case in (within, beyond, without)] == [False, True, True]
     assert not is_miss(without, "initial_peak_m_s2")  # a wedge has none to miss
@@ -93,7 +95,7 @@ def test_hits_count_what_lies_within_ten_per_cent() -> None:
 
 
 def test_other_scenes_have_nothing_measured() -> None:
-    case = comparison("my own", None, summary_with(max_displacement_m=0.05))
+    case = compared(None, max_displacement_m=0.05)
     assert hits([case])["max_displacement_m"] == {"within": 0, "of": 0}
     assert set(case["measured"].values()) == {None}
     assert set(case["error"].values()) == {None}
@@ -109,9 +111,9 @@ def test_peaks_and_how_the_impact_ended_stand_in_the_text(text: str, study) -> N
 
 def test_a_displacement_is_judged_only_at_rest() -> None:
     """The paper measured it at zero velocity; what passes through has only a largest one."""
-    name, depth = "paper/wedge-2.86", {"max_displacement_m": 0.0751}
-    at_rest = comparison(name, TESTS[name].reference, summary_with(came_to_rest=True, **depth))
-    passing = comparison(name, TESTS[name].reference, summary_with(came_to_rest=False, **depth))
+    at_rest, passing = (
+        compared(came_to_rest=rests, max_displacement_m=0.0751) for rests in (True, False)
+    )
     assert abs(at_rest["error"]["max_displacement_m"]) < 0.10
     assert not is_miss(at_rest, "max_displacement_m")
     assert passing["error"]["max_displacement_m"] is None
