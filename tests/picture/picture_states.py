@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from taichi_foam.picture.view import View
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Block, FlatBlock, Scene
+from taichi_foam.scene import Block, FlatBlock, Numerics, Scene
 
 
 def scene_of(columns: int = 40, rows: int = 20, **parts: object) -> Scene:
@@ -13,6 +14,16 @@ def scene_of(columns: int = 40, rows: int = 20, **parts: object) -> Scene:
     parts.setdefault("impactor", FlatBlock())
     block = Block(columns=columns, rows=rows, mass_points="cells")
     return Scene(name="made-up state", block=block, **parts)
+
+
+def alone(columns: int = 40, rows: int = 20, **parts: object) -> Scene:
+    """The same block without an impactor."""
+    return scene_of(columns, rows, impactor=None, numerics=Numerics(end=0.01), **parts)
+
+
+def colour_at(image: np.ndarray, view: View, x: float, y: float) -> tuple[int, ...]:
+    """The colour of a place in the world [m]."""
+    return tuple(image[int(view.y_zero - view.scale * y), int(view.x_zero + view.scale * x)])
 
 
 def reference(scene: Scene) -> np.ndarray:

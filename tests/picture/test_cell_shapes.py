@@ -94,16 +94,9 @@ def test_a_crack_of_two_connections_opens_in_the_middle() -> None:
 
 def test_a_loose_cell_has_the_size_that_its_worst_strains_leave() -> None:
     scene = scene_of(5, 4)
-    ones_a, ones_b = np.ones((4, 4), dtype=bool), np.ones((5, 3), dtype=bool)
-    e_min_a, e_min_b = np.full((4, 4), -0.3), np.full((5, 3), -0.6)
-    snapshot = snapshot_of(
-        scene,
-        reference(scene),
-        broken_a=ones_a,
-        broken_b=ones_b,
-        e_min_a=e_min_a,
-        e_min_b=e_min_b,
-    )
+    broken = {"broken_a": np.ones((4, 4), dtype=bool), "broken_b": np.ones((5, 3), dtype=bool)}
+    strains = {"e_min_a": np.full((4, 4), -0.3), "e_min_b": np.full((5, 3), -0.6)}
+    snapshot = snapshot_of(scene, reference(scene), **broken, **strains)
     points = corners_of(snapshot, scene)
     size = np.array([0.7 * scene.block.dx, 0.4 * scene.block.dy])
     np.testing.assert_allclose(

@@ -6,13 +6,13 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
+from picture_states import alone, dented, intact, reference, scene_of, shattered, snapshot_of, split
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture import raster
 from taichi_foam.picture.look import THEMES, Look
 from taichi_foam.picture.modes import MODES
-from taichi_foam.scene import Block, Foam, Numerics, Output, Start
+from taichi_foam.scene import Block, Foam, Output, Start
 
 FOAM = Foam()
 
@@ -84,7 +84,7 @@ def test_the_shear_strain_is_that_of_simple_shear(gamma: float) -> None:
 
 
 def test_a_rotation_is_no_shear_and_broken_bonds_have_no_say() -> None:
-    scene = scene_of(impactor=None, numerics=Numerics(end=0.01))
+    scene = alone()
     assert shown("shear", split(scene, 0.2), scene).max() < 1e-12
     assert shown("shear", shattered(scene), scene).max() == 0
 
@@ -98,7 +98,7 @@ def test_the_speed_is_the_length_of_the_velocity() -> None:
 
 
 def test_the_speed_of_a_block_without_an_impactor_has_a_scale_of_its_own() -> None:
-    still = scene_of(impactor=None, numerics=Numerics(end=0.01))
+    still = alone()
     pulled = still.model_copy(update={"start": Start(deformation_gradient=((1.01, 0), (0, 1)))})
     sound = np.sqrt(FOAM.youngs_modulus / still.block.density)
     assert MODES["speed"].key(still).top == 1.0

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from picture_states import dented, intact, scene_of
+from picture_states import alone, dented, intact, scene_of
 
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
@@ -14,10 +14,8 @@ from taichi_foam.picture import annotate
 from taichi_foam.picture.comparison import Lineup, instants
 from taichi_foam.picture.look import THEMES
 from taichi_foam.picture.montage import choose, montage
-from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.results.result import Result
-from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene
+from taichi_foam.scene import Block, FlatBlock, Output, Scene
 
 
 @pytest.fixture
@@ -97,7 +95,7 @@ def test_a_montage_is_called_by_its_scene_or_by_the_title_given() -> None:
 
 
 CORNERED = {
-    "no impactor": scene_of(20, 10, impactor=None, numerics=Numerics(end=0.01)),
+    "no impactor": alone(20, 10),
     "a platen": scene_of(20, 10, impactor=FlatBlock(width=0.3, height=0.2)),
     "a tall block": Scene(
         block=Block(width=0.05, height=0.5, columns=10, rows=100), impactor=FlatBlock(width=0.2)
@@ -107,7 +105,7 @@ CORNERED = {
 
 
 @pytest.mark.parametrize("kind", CORNERED)
-def test_times_stand_on_the_empty_field(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_times_stand_on_the_empty_field(kind: str, monkeypatch, make_result) -> None:
     scene = CORNERED[kind]
     grounds = []
     write = annotate.write
@@ -122,9 +120,7 @@ def test_times_stand_on_the_empty_field(kind: str, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(annotate, "write", look_under)
     run = [replace(intact(scene), time=1e-3 * k) for k in range(3)]
     montage(run, scene, n=3, width=900)
-    history = dict.fromkeys(HISTORY_COLUMNS, np.zeros(2))
-    lineup = Lineup.of([Result(scene, history, run, {})] * 2)
-    instants(lineup, n=3, width=900)
+    instants(Lineup.of([make_result(scene, snapshots=run)] * 2), n=3, width=900)
     assert len(grounds) == 3 + 2 * 3
     for ground in grounds:
         assert np.all(ground == THEMES["light"].field)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from picture_states import colour_at
 
 from taichi_foam.picture import printed
 from taichi_foam.picture.look import THEMES, Look
@@ -13,21 +14,13 @@ from taichi_foam.picture.view import fit, window
 from taichi_foam.scene import Block, FlatBlock, Foam, Layer, Scene
 
 SIZE = (640, 360)
+CELLS = {"width": 0.12, "height": 0.06, "columns": 24, "rows": 12}
 PAD = Block(
-    width=0.12,
-    height=0.06,
-    columns=24,
-    rows=12,
+    **CELLS,
     outline=[(-0.06, 0), (0.06, 0), (0.035, 0.06), (-0.035, 0.06)],
     holes=[[(-0.015, 0.015), (0.015, 0.015), (0.0, 0.045)]],
 )
-LAYERED = Block(
-    width=0.12,
-    height=0.06,
-    columns=24,
-    rows=12,
-    layers=(Layer(bottom=0.0, top=0.03, foam=Foam(youngs_modulus=4e6)),),
-)
+LAYERED = Block(**CELLS, layers=(Layer(bottom=0.0, top=0.03, foam=Foam(youngs_modulus=4e6)),))
 
 
 def scene_of(block: Block) -> Scene:
@@ -35,9 +28,7 @@ def scene_of(block: Block) -> Scene:
 
 
 def seen(image: np.ndarray, scene: Scene, x: float, y: float) -> tuple[int, ...]:
-    """The colour of a place [m]."""
-    view = fit(window(scene), Layout(SIZE).field)
-    return tuple(image[round(view.y_zero - view.scale * y), round(view.x_zero + view.scale * x)])
+    return colour_at(image, fit(window(scene), Layout(SIZE).field), x, y)
 
 
 def test_foam_is_drawn_inside_its_outline_only(make_snapshot) -> None:

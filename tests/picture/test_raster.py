@@ -10,7 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from picture_states import dented, intact, reference, scene_of, shattered, snapshot_of, split
+from picture_states import (
+    alone,
+    colour_at,
+    dented,
+    intact,
+    reference,
+    scene_of,
+    shattered,
+    snapshot_of,
+    split,
+)  # fmt: skip
 from picture_words import check_words, meet
 
 from taichi_foam.analysis.impact import impactor_now
@@ -26,12 +36,12 @@ from taichi_foam.scene import (
     Cylinder,
     FlatBlock,
     IShape,
-    Numerics,
     Output,
+    Scene,
     Start,
     Support,
     Wedge,
-)
+)  # fmt: skip
 
 LIGHT = THEMES["light"]
 NO_SHAPE = np.empty((0, 2))
@@ -117,10 +127,15 @@ def test_a_pixel_counts_the_samples_whose_middles_lie_in_a_shape() -> None:
         np.testing.assert_array_equal(painted(quad[None]), covered)
 
 
-def field_of(snapshot, scene, size=(640, 360), look: Look | None = None) -> np.ndarray:
-    """Only block and impactor on white, the block's middle on the middle of the picture."""
-    image = annotate.blank(*size, LIGHT.field)
-    raster.draw(image, snapshot, scene, fit(window(scene), Box(0, 0, *size)), look=look)
+def view_of(scene: Scene) -> View:
+    """The block's middle on the middle of a picture of 640 x 360 pixels."""
+    return fit(window(scene), Box(0, 0, 640, 360))
+
+
+def field_of(snapshot, scene, look: Look | None = None) -> np.ndarray:
+    """Only block and impactor on white, in that view."""
+    image = annotate.blank(640, 360, LIGHT.field)
+    raster.draw(image, snapshot, scene, view_of(scene), look=look)
     return image
 
 
@@ -144,14 +159,12 @@ def test_each_node_has_the_colour_of_its_worst_strain() -> None:
     e_min_a, e_min_b = np.zeros((9, 5)), np.zeros((10, 4))
     e_min_a[3, 2], e_min_b[7, 1] = -0.4, -0.95
     snapshot = snapshot_of(scene, reference(scene), e_min_a=e_min_a, e_min_b=e_min_b)
-    view = fit(window(scene), Box(0, 0, 640, 360))
+    view = view_of(scene)
     image = field_of(snapshot, scene)
     table = shades("heat")
     expected = {(0, 0): 0, (3, 2): 107, (4, 2): 107, (7, 1): 255, (7, 2): 255, (5, 2): 0}
     for (i, j), level in expected.items():
-        x, y = snapshot.position[i, j]
-        pixel = image[int(view.y_zero - view.scale * y), int(view.x_zero + view.scale * x)]
-        np.testing.assert_array_equal(pixel, table[level])
+        assert colour_at(image, view, *snapshot.position[i, j]) == tuple(table[level])
 
 
 @pytest.mark.parametrize(("name", "lightest"), [("heat", 230), ("cool", 200)])
@@ -163,8 +176,8 @@ def test_the_colours_grow_steadily_darker(name: str, lightest: float) -> None:
 
 
 def test_a_crack_shows_the_background_and_whole_foam_does_not() -> None:
-    scene = scene_of(impactor=None, numerics=Numerics(end=0.01))
-    view = fit(window(scene), Box(0, 0, 640, 360))
+    scene = alone()
+    view = view_of(scene)
     row = int(view.y_zero - view.scale * 0.8 * scene.block.height)
     middle = slice(316, 324)
     opened = field_of(split(scene, 0.1), scene)[row, middle]
@@ -175,8 +188,8 @@ def test_a_crack_shows_the_background_and_whole_foam_does_not() -> None:
 
 @pytest.mark.parametrize("columns", [160, 400, 2000])
 def test_outlines_and_closed_cracks_of_tiny_cells_are_unbroken_lines(columns: int) -> None:
-    scene = scene_of(columns, columns // 2, impactor=None, numerics=Numerics(end=0.01))
-    view = fit(window(scene), Box(0, 0, 640, 360))
+    scene = alone(columns, columns // 2)
+    view = view_of(scene)
     image = field_of(split(scene, 0.0), scene, look=Look(grid=False))
     top = int(view.y_zero - view.scale * scene.block.height) + 3
     rows = slice(top, int(view.y_zero) - 3)
@@ -188,7 +201,7 @@ def test_outlines_and_closed_cracks_of_tiny_cells_are_unbroken_lines(columns: in
 
 
 def test_loose_tiny_cells_show_their_colour() -> None:
-    scene = scene_of(200, 100, impactor=None, numerics=Numerics(end=0.01))
+    scene = alone(200, 100)
     image = field_of(shattered(scene), scene)
     middle = image[200:300, 250:390].reshape(-1, 3)
     assert not np.any(np.all(middle == LIGHT.crack, axis=-1))
@@ -201,7 +214,7 @@ def test_tiny_cells_have_the_grid_of_many_of_them_symmetric_and_deformed_with_th
     bare = field_of(intact(scene), scene, look=Look(grid=False))
     lines = np.any(flat != bare, axis=-1)
     # 16 px apart or a little more: every 20 cells of 1 px
-    view = fit(window(scene), Box(0, 0, 640, 360))
+    view = view_of(scene)
     row = int(view.y_zero - view.scale * 0.0505)
     edges = np.flatnonzero(np.diff(lines[row].astype(int)) == 1)
     np.testing.assert_allclose(np.diff(edges), 20 * view.scale * scene.block.dx, atol=1)
@@ -228,11 +241,10 @@ def test_a_note_stands_at_the_right_of_the_title_and_nowhere_else() -> None:
 
 def test_the_impactor_is_drawn_on_top_of_the_cells() -> None:
     scene = scene_of()
-    view = fit(window(scene), Box(0, 0, 640, 360))
+    view = view_of(scene)
     image = field_of(intact(scene), scene)
     y = scene.contact_height + scene.block.dy / 4  # within the top cells' outer half
-    pixel = image[int(view.y_zero - view.scale * y) - 1, 320]
-    np.testing.assert_array_equal(pixel, LIGHT.steel)
+    assert colour_at(image, view, 0.0, y + 1 / view.scale) == LIGHT.steel
 
 
 def test_a_support_is_drawn_in_place_of_the_floor() -> None:
@@ -243,16 +255,10 @@ def test_a_support_is_drawn_in_place_of_the_floor() -> None:
     image = raster.frame(intact(scene), scene, (1280, 720))
     view = fit(window(scene), raster.Layout((1280, 720)).field)
     tones = Look.of(scene).tones
-
-    def at(x: float, y: float) -> tuple[int, ...]:
-        return tuple(
-            image[round(view.y_zero - view.scale * y), round(view.x_zero + view.scale * x)]
-        )
-
     for x in (-0.05, 0.0, 0.05):
-        assert at(x, -0.01) == tones.frame
-        assert at(x + 0.025, -0.01) == tones.field
-        assert at(x + 0.025, -0.025) == tones.frame
+        assert colour_at(image, view, x, -0.01) == tones.frame
+        assert colour_at(image, view, x + 0.025, -0.01) == tones.field
+        assert colour_at(image, view, x + 0.025, -0.025) == tones.frame
 
 
 def test_nothing_is_drawn_outside_the_field() -> None:
@@ -282,35 +288,28 @@ def test_an_instant_drawn_at_several_sizes_looks_as_drawn_for_each(columns: int)
         np.testing.assert_array_equal(raster.frame(snapshot, scene, size, shown=shown), fresh)
 
 
+def digest() -> str:
+    """Of two pictures, with few cells and with many."""
+    states = [(dented, scene_of()), (shattered, scene_of(100, 50))]
+    pictures = [raster.frame(state(scene), scene).tobytes() for state, scene in states]
+    return hashlib.sha256(b"".join(pictures)).hexdigest()
+
+
 _DIGEST = """
-import hashlib, sys
+import sys
 sys.path.insert(0, sys.argv[2])
-from picture_states import dented, scene_of, shattered
-from taichi_foam.engine import runtime
-from taichi_foam.picture import raster
+from test_raster import digest, runtime
 runtime.start(threads=int(sys.argv[1]))
-digest = hashlib.sha256()
-for state, scene in ((dented, scene_of()), (shattered, scene_of(100, 50))):
-    digest.update(raster.frame(state(scene), scene).tobytes())
-print(digest.hexdigest())
+print(digest())
 """
 
 
 def test_any_number_of_threads_gives_the_same_picture() -> None:
-    here = str(Path(__file__).parent)
-    digests = {
-        subprocess.run(
-            [sys.executable, "-c", _DIGEST, threads, here],
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout
-        for threads in {"1", "2", "3"} - {str(runtime.settings()["threads"])}
-    }
-    own = hashlib.sha256()
-    for state, scene in ((dented, scene_of()), (shattered, scene_of(100, 50))):
-        own.update(raster.frame(state(scene), scene).tobytes())
-    assert digests == {own.hexdigest() + "\n"}
+    own = str(runtime.settings()["threads"])
+    for threads in {"1", "2", "3"} - {own}:
+        command = [sys.executable, "-c", _DIGEST, threads, str(Path(__file__).parent)]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        assert done.stdout.strip() == digest()
 
 
 @pytest.mark.parametrize("size", [(64, 64), (161, 121), (640, 360), (720, 1280), (1920, 1080)])
@@ -319,8 +318,7 @@ def test_frames_of_any_size(size: tuple[int, int]) -> None:
     image = raster.frame(dented(scene), scene, size)
     assert image.shape == (size[1], size[0], 3)
     assert image.dtype == np.uint8
-    steel = np.all(image == LIGHT.steel, axis=-1)
-    assert steel.sum() > 0.01 * size[0] * size[1]
+    assert np.all(image == LIGHT.steel, axis=-1).sum() > 0.01 * size[0] * size[1]
 
 
 def test_a_frame_too_small_is_refused() -> None:
@@ -370,12 +368,7 @@ def test_the_window_shows_a_platen_to_its_ends_and_a_tilted_block_to_its_corners
     platen = window(scene_of(impactor=FlatBlock(width=0.3)))
     assert platen.x_min < -0.15
     c, s = np.cos(0.5), np.sin(0.5)
-    tilted = scene_of(
-        impactor=None,
-        numerics=Numerics(end=0.01),
-        start=Start(deformation_gradient=((c, -s), (s, c))),
-    )
-    seen = window(tilted)
+    seen = window(alone(start=Start(deformation_gradient=((c, -s), (s, c)))))
     corner = np.array([0.0, 0.0025]) + np.array([[c, -s], [s, c]]) @ [0.1, 0.0975]
     assert seen.x_max > corner[0]
     assert seen.y_max > corner[1]
