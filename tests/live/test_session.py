@@ -19,16 +19,7 @@ from processes import PATIENCE, until
 from sessions import ENDLESS, drop_of
 
 from taichi_foam.live import session as session_module
-from taichi_foam.live.messages import (
-    Died,
-    Ended,
-    Frame,
-    Keeping,
-    Pace,
-    Pause,
-    Refused,
-    Step,
-)
+from taichi_foam.live.messages import Died, Ended, Frame, Keeping, Pace, Pause, Refused, Step
 from taichi_foam.live.session import Session
 from taichi_foam.records.history import row_columns
 from taichi_foam.simulation.simulate import run
@@ -75,11 +66,10 @@ def look(session: Session) -> Frame:
 
 def worker_of(session: Session) -> int:
     """The worker's process number."""
-    (found,) = [
-        each for each in multiprocessing.active_children() if each is session._worker.process
-    ]
-    assert found.pid is not None
-    return found.pid
+    process = session._worker.process
+    assert process in multiprocessing.active_children()
+    assert process.pid is not None
+    return process.pid
 
 
 def cpu_seconds(pid: int) -> float:

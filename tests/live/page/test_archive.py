@@ -13,13 +13,7 @@ from processes import until
 from taichi_foam.errors import UserError
 from taichi_foam.live.page import archive as archive_module
 from taichi_foam.live.page import viewers
-from taichi_foam.live.page.archive import (
-    MOST_CURVES,
-    MOST_LISTED,
-    MOST_WAITING,
-    Archive,
-    Finished,
-)
+from taichi_foam.live.page.archive import MOST_CURVES, MOST_LISTED, MOST_WAITING, Archive, Finished
 from taichi_foam.live.page.view import ViewState
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.results.result import Result
@@ -134,16 +128,16 @@ def test_who_waits_for_a_film_when_the_server_ends_is_told(
 
     async def ask() -> None:
         films = archive_module.Films(archive)
-        for end in (lambda task: films.close(), lambda task: _cancel(task)):
+        for is_closed in (True, False):  # or its asker is cancelled
             asking = asyncio.create_task(films.film(drop, "film.gif"))
             await asyncio.sleep(0.01)
-            await end(asking)
+            if is_closed:
+                await films.close()
+            else:
+                asking.cancel()
             with pytest.raises(UserError, match="the server is shutting down"):
                 await asking
         await films.close()
-
-    async def _cancel(task: asyncio.Task[Path]) -> None:
-        task.cancel()
 
     asyncio.run(ask())
 

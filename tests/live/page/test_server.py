@@ -34,16 +34,8 @@ def test_everything_that_the_page_is_made_of_is_served(served: Served) -> None:
     page = served.get("/")
     assert page.headers["content-type"].startswith("text/html")
     assert "default-src 'self'" in page.headers["content-security-policy"]
-    for name in (
-        "page.css",
-        "page.js",
-        "controls.js",
-        "typed.js",
-        "curve.js",
-        "cushion.js",
-        "tables.js",
-        "icon.svg",
-    ):
+    scripts = ("page.js", "controls.js", "typed.js", "curve.js", "cushion.js", "tables.js")
+    for name in ("page.css", "icon.svg", *scripts):
         answer = served.get(f"/assets/{name}")
         assert (answer.status_code, bool(answer.content)) == (200, True)
     plotly = served.get("/assets/plotly.min.js")
@@ -219,16 +211,19 @@ def test_fifty_viewers_get_pictures(served: Served) -> None:
     assert min(counts) > 0.3 * max(counts)
 
 
+#: A request for a WebSocket, without its end.
+_UPGRADE = (
+    b"GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
+)
+
+
 def _deaf(served: Served) -> socket.socket:
     """A viewer that asks for everything and never reads: with as little room as may be."""
     line = socket.socket()
     line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     line.connect(("127.0.0.1", served.port))
-    line.sendall(
-        b"GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        + f"Cookie: {served.cookie['Cookie']}\r\n".encode()
-        + b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
-    )
+    line.sendall(_UPGRADE + f"Cookie: {served.cookie['Cookie']}\r\n\r\n".encode())
     watch = b'{"do": "watch", "on": true, "tone": "light"}'
     mask = bytes(4)
     for text in (watch, *[b'{"do": "next"}'] * 50):  # as if it took pictures all the same
@@ -338,9 +333,8 @@ def test_drops_are_saved_and_a_killed_worker_is_replaced(tmp_path: Path) -> None
         smoothed = history["deceleration_smoothed_m_s2"][-1]
         assert end["deceleration"] == pytest.approx(smoothed, rel=1e-5)
         for name in ("history.csv", "scene.toml", "summary.json", "snapshots.npz", "cracks.json"):
-            assert (
-                server.get(f"/drops/2/{name}").content == (tmp_path / names[1] / name).read_bytes()
-            )
+            stored = (tmp_path / names[1] / name).read_bytes()
+            assert server.get(f"/drops/2/{name}").content == stored
         gif = Image.open(io.BytesIO(server.get("/drops/2/film.gif").content))
         assert gif.size == (320, 180)
         gif.seek(len(result.snapshots) - 1)
@@ -427,17 +421,13 @@ def test_elsewhere_any_name_of_the_machine_will_do(tmp_path: Path) -> None:
 def test_silent_strangers_do_not_lock_the_owner_out(served: Served) -> None:
     """Neither those who say nothing, nor those who never end what they say."""
     begun = (b"", b"GET / HTTP/1.1\r\nHost: localh", b"POST / HTTP/1.1\r\nHost: localhost\r\n")
-    upgrade = (
-        b"GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
-    )
     start = time.monotonic()
     with contextlib.ExitStack() as lines, served.viewer() as viewer:
         strangers = []
         for n in range(305):
             line = lines.enter_context(socket.create_connection(("127.0.0.1", served.port)))
             with contextlib.suppress(OSError):  # it may have been closed for the next ones
-                line.sendall((*begun, upgrade)[n % 4])
+                line.sendall((*begun, _UPGRADE + b"\r\n")[n % 4])
             strangers.append(line)
         came = time.monotonic()
         assert served.get("/").status_code == 200
@@ -472,17 +462,10 @@ def test_odd_requests_are_answered_or_closed_without_a_trace(served: Served) -> 
     known = f"Host: localhost\r\nCookie: {served.cookie['Cookie']}\r\n".encode()
     rng = random.Random(5)
     paths = [
-        *("/drops/1/" + "x" * 8000, "/drops//history.csv", "/drops/1e3/history.csv", "//", "/%"),
-        *(
-            "/assets/%2e%2e%2fapp.py",
-            "/%ff%fe",
-            "/drops/%00/%00",
-            "/?token=%ff",
-            "/live",
-            "/assets/",
-        ),
-        *("http://localhost/", "*", "/drops/0x1/scene.toml", "/assets/page.js/", "/;" * 500),
-    ]
+        "/drops/1/" + "x" * 8000, "/drops//history.csv", "/drops/1e3/history.csv", "//", "/%",
+        "/assets/%2e%2e%2fapp.py", "/%ff%fe", "/drops/%00/%00", "/?token=%ff", "/live", "/assets/",
+        "http://localhost/", "*", "/drops/0x1/scene.toml", "/assets/page.js/", "/;" * 500,
+    ]  # fmt: skip
     paths += ["/" + "".join(rng.choices("/.%2e5c\\;:@&=+$,0123drops", k=40)) for _ in range(60)]
     requests = [f"GET {path} HTTP/1.1\r\n".encode() + known + b"\r\n" for path in paths]
     requests += [

@@ -77,14 +77,12 @@ def is_told(view: PageView, word: str) -> bool:
     return word in view.view_state.notes.get("numbers", (0, ""))[1]
 
 
-def let(**values: int) -> commands.Drop:
-    named = {f"block.{key}": value for key, value in values.items()}
-    return commands.Drop("wedge", named)
+def let(rows: int) -> commands.Drop:
+    return commands.Drop("wedge", {"block.rows": rows})
 
 
 def moved(**values: float) -> commands.Set:
-    named = {f"impactor.{key}": value for key, value in values.items()}
-    return commands.Set("wedge", named)
+    return commands.Set("wedge", {f"impactor.{key}": value for key, value in values.items()})
 
 
 def test_the_start_is_drawn_before_anybody_comes_and_anything_is_computed(view: PageView) -> None:
@@ -185,12 +183,8 @@ def test_little_of_each_viewer_waits() -> None:
     assert inbox.put(let(rows=9), other.append)
     taken = inbox.take()
     assert len(taken) == MOST_AT_ONCE
-    assert [command for command, _ in taken[:4]] == [
-        moved(mass=999),
-        let(rows=9),
-        moved(mass=999),
-        moved(velocity=1),
-    ]
+    first = [moved(mass=999), let(rows=9), moved(mass=999), moved(velocity=1)]
+    assert [command for command, _ in taken[:4]] == first
     assert [whose for _, whose in inbox.take()] == [other.append]
 
 
