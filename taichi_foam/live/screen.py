@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import ImageFont
 
 from taichi_foam import catalogue
@@ -16,8 +14,9 @@ from taichi_foam.live.controls import offered_shapes, renamed
 from taichi_foam.live.messages import Pause, Step
 from taichi_foam.live.session import Session
 from taichi_foam.picture import annotate, raster
+from taichi_foam.picture.annotate import Image8
 from taichi_foam.picture.inset import Curve
-from taichi_foam.picture.look import THEMES, Look, Theme
+from taichi_foam.picture.look import THEMES, Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.view import Box
 
@@ -30,8 +29,6 @@ SHORTEST_AXIS = 0.01
 
 #: Largest number of lines of a strip; the rest is cut off.
 _MOST_LINES = 6
-
-Image8 = NDArray[np.uint8]
 
 # Words for states that are not shown as they are called.
 _WORDS = {"cut short": "ended", "died": "failed"}
@@ -188,7 +185,7 @@ def panel(image: Image8, rows: Sequence[tuple[str, str]], theme: str) -> None:
     gap, line = 1.2 * size, 1.55 * size
     wide, high = round(left + right + 3 * gap), round((len(rows) + 0.9) * line)
     x, y = (width - wide) // 2, (height - high) // 2
-    _sheet(image, Box(x, y, x + wide, y + high), tones, unit)
+    annotate.sheet(image, Box(x, y, x + wide, y + high), 2 * unit, tones)
     for k, (key, words) in enumerate(rows):
         base = y + (k + 1.1) * line
         annotate.write(image, (x + gap, base), key, bold, colour=tones.ink)
@@ -203,18 +200,10 @@ def strip(image: Image8, text: str, theme: str) -> None:
     face, gap, line = annotate.font(size), 0.9 * size, 1.4 * size
     lines = _wrapped(text, face, width - 2 * gap)
     top = height - round(len(lines) * line + gap)
-    _sheet(image, Box(0, top, width, height), tones, unit)
+    annotate.sheet(image, Box(0, top, width, height), 2 * unit, tones)
     for k, words in enumerate(lines):
         base = top + 0.5 * gap + (k + 0.75) * line
         annotate.write(image, (gap, base), words, face, colour=tones.ink)
-
-
-def _sheet(image: Image8, box: Box, tones: Theme, unit: float) -> None:
-    """Draw an empty sheet with a border."""
-    edge = max(1, round(2 * unit))
-    annotate.rectangle(image, box, tones.frame)
-    inner = Box(box.left + edge, box.top + edge, box.right - edge, box.bottom - edge)
-    annotate.rectangle(image, inner, tones.page)
 
 
 def _wrapped(text: str, face: ImageFont.FreeTypeFont, room: float) -> list[str]:

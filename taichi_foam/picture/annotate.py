@@ -95,14 +95,15 @@ def field(
         _body(image, view, line, tones, support)
     elif box.top < ground < box.bottom:
         _hatch(image, Box(box.left, ground, box.right, box.bottom), line, tones)
+    _outline(image, box, tones.frame, max(1, round(line)))
+
+
+def sheet(image: Image8, box: Box, line: float, tones: Theme) -> None:
+    """Draw an empty page in `box`, with a frame [pixels] along its inside; it may be cut off."""
     edge = max(1, round(line))
-    for side in (
-        Box(box.left, box.top, box.right, box.top + edge),
-        Box(box.left, box.bottom - edge, box.right, box.bottom),
-        Box(box.left, box.top, box.left + edge, box.bottom),
-        Box(box.right - edge, box.top, box.right, box.bottom),
-    ):
-        rectangle(image, side, tones.frame)
+    rectangle(image, box, tones.frame)
+    inner = Box(box.left + edge, box.top + edge, box.right - edge, box.bottom - edge)
+    rectangle(image, inner, tones.page)
 
 
 def rectangle(image: Image8, box: Box, colour: Rgb) -> None:
@@ -158,7 +159,7 @@ def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _
     bar = Box(box.left, y, box.left + round(1.3 * size), box.bottom - round(0.5 * size))
     steps = np.linspace(0, 255, bar.height).round().astype(int)
     image[bar.top : bar.bottom, bar.left : bar.right] = shades(key.shades)[steps][:, None]
-    _outline(image, bar, tones)
+    _outline(image, bar, tones.soft_ink)
     for tick, text in key.ticks:
         row = bar.top + round(key.share(tick) * (bar.height - 1))
         mark = Box(bar.right, row, bar.right + max(3, round(0.35 * size)), row + 1)
@@ -187,7 +188,7 @@ def level_key(
     bar = Box(start, round(middle - 0.55 * size), box.right, round(middle + 0.55 * size))
     steps = np.linspace(0, 255, bar.width).round().astype(int)
     image[bar.top : bar.bottom, bar.left : bar.right] = shades(key.shades)[steps][None]
-    _outline(image, bar, tones)
+    _outline(image, bar, tones.soft_ink)
     columns = [bar.left + round(key.share(tick) * (bar.width - 1)) for tick, _ in key.ticks]
     texts = [text for _, text in key.ticks]
     legible = _apart(columns, [face.getlength(text) + 0.4 * size for text in texts])
@@ -261,7 +262,7 @@ def time_text(time: float, interval: float) -> str:
     return f"{1e3 * time:.{next(exact, fewest)}f} ms"
 
 
-def _outline(image: Image8, box: Box, tones: Theme) -> None:
-    """Draw a line of one pixel along the inside of `box`."""
+def _outline(image: Image8, box: Box, colour: Rgb, edge: int = 1) -> None:
+    """Draw a line of `edge` pixels along the inside of `box`."""
     part = image[box.top : box.bottom, box.left : box.right]
-    part[0], part[-1], part[:, 0], part[:, -1] = (tones.soft_ink,) * 4
+    part[:edge], part[-edge:], part[:, :edge], part[:, -edge:] = (colour,) * 4

@@ -9,10 +9,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, inset, montage, naming, raster
+from taichi_foam.picture.annotate import Image8
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
@@ -22,8 +22,6 @@ from taichi_foam.picture.view import Box, Window, fit, window
 if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.results.result import Result
-
-Image8 = NDArray[np.uint8]
 
 #: Number of runs that can be shown side by side.
 FEWEST, MOST = 2, 4

@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from taichi_foam.errors import UserError
 from taichi_foam.picture import comparison, raster
+from taichi_foam.picture.annotate import Image8
 from taichi_foam.picture.comparison import Lineup
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.view import Box, Window, window
@@ -33,8 +33,6 @@ from taichi_foam.results.folders import output_folder
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.scene.options import Output
-
-Image8 = NDArray[np.uint8]
 
 GIF_WIDTH = 640
 #: How long a GIF holds its last frame before it repeats [s].

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from taichi_foam.picture import annotate
+from taichi_foam.picture.annotate import Image8
 from taichi_foam.picture.look import THEMES, Rgb
 from taichi_foam.picture.view import Box
 from taichi_foam.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
-Image8 = NDArray[np.uint8]
 
 #: Pillow's lines have no smooth edges, so they are drawn this many times larger and averaged.
 _FINE = 3
@@ -158,9 +158,8 @@ def _panel(
     lines = math.ceil(len(names) / across) if across else 0
     head, foot = round((2.4 + 1.1 * lines) * size), round(1.8 * size)
     plot = Box(side, head, right, height - foot)
-    annotate.rectangle(panel, Box(0, 0, width, height), tones.frame)
+    annotate.sheet(panel, Box(0, 0, width, height), unit, tones)
     line = max(1, round(unit))
-    annotate.rectangle(panel, Box(line, line, width - line, height - line), tones.page)
     title = (0.5 * size, 1.3 * size)
     annotate.write(panel, title, _TITLE, face, colour=tones.ink)
     room = plot.width / max(1, across)

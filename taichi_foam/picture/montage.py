@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, raster
+from taichi_foam.picture.annotate import Image8
 from taichi_foam.picture.look import Look
 from taichi_foam.picture.modes import Key
 from taichi_foam.picture.view import Box, Window, fit, window
@@ -21,8 +21,6 @@ from taichi_foam.scene.filling import filling
 if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Scene
-
-Image8 = NDArray[np.uint8]
 
 #: Width of a montage [pixels]; text is legible at half this width.
 WIDTH = 1800

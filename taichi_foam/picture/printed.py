@@ -156,9 +156,8 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
             else:
                 axis.set_ylim(bottom=0)
             if quantity.name == "deceleration_smoothed_m_s2":
-                in_g = axis.secondary_yaxis(
-                    "right", functions=(_to_g, lambda value: value * STANDARD_GRAVITY)
-                )
+                both_ways = (lambda a: a / STANDARD_GRAVITY, lambda in_g: in_g * STANDARD_GRAVITY)
+                in_g = axis.secondary_yaxis("right", functions=both_ways)
                 in_g.set_ylabel("g")
                 in_g.spines["right"].set_visible(True)
         ledger = axes[count - 1]
@@ -179,10 +178,6 @@ def curves(history: Mapping[str, Array], scene: Scene, *, column: str = "single"
             borderpad=0.1,
         )  # fmt: skip
     return figure
-
-
-def _to_g(value: Array) -> Array:
-    return value / STANDARD_GRAVITY
 
 
 def column_width(column: str) -> float:

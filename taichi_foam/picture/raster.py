@@ -19,6 +19,7 @@ from taichi_foam.analysis.cell_shapes import along_outline
 from taichi_foam.analysis.impact import impactor_now
 from taichi_foam.errors import UserError
 from taichi_foam.picture import annotate, inset
+from taichi_foam.picture.annotate import Image8
 from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import Look, crack_line_map, grid_line_map, levels, packed_shades
 from taichi_foam.picture.modes import Key
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from taichi_foam.records.snapshot import Snapshot
     from taichi_foam.scene import Block, Scene
 
-Image8 = NDArray[np.uint8]
 Ints = NDArray[np.int32]
 
 #: Widths of grid and crack lines in a picture with 720 rows [pixels].

@@ -134,15 +134,10 @@ def _mark_measured(
     below = float(np.sum(np.maximum(beyond, 0))) > float(np.sum(np.maximum(-beyond, 0)))
     edge, gap, side = (0.95, -4, "top") if below else (1.05, 4, "bottom")
     beside(axis, at, edge * level, f"{level:.0f} m/s²", VERMILION, (0, gap), side, "center")
-    dashes = (0, (5, 3))
     axis.plot(
-        [duration, duration],
-        [0, 0.88 * top],
-        color=VERMILION,
-        linewidth=1.6,
-        linestyle=dashes,
-        label="measured duration",
-    )
+        [duration, duration], [0, 0.88 * top], color=VERMILION, linewidth=1.6,
+        linestyle=(0, (5, 3)), label="measured duration",
+    )  # fmt: skip
     beside(axis, duration, 0.89 * top, f"{duration:.0f} ms", VERMILION, (0, 0), "bottom", "center")
     peak, when = measured.get(q.PEAK.key), measured.get(q.PEAK_TIME.key)
     if peak is not None and when is not None:
@@ -194,16 +189,14 @@ def errors(panels: Mapping[str, Sequence[Whisker]], tolerance: float) -> Figure:
             axis.set_xlabel("error (%)")
             axis.set_xlim(-103 * reach, 103 * reach)
             axis.grid(visible=False, axis="y")
-        axes[0].set_yticks(range(len(tests)), [_name(whisker) for whisker in tests])
+        names = [f"{each.test}, held out" if each.held_out else each.test for each in tests]
+        axes[0].set_yticks(range(len(tests)), names)
         axes[0].set_ylabel("test, velocity (m/s)")
         axes[0].set_ylim(len(tests) - 0.4, -0.6)
         figure.legend(
-            handles=_explained(tolerance),
-            loc="outside upper right",
-            ncols=5,
-            frameon=False,
+            handles=_explained(tolerance), loc="outside upper right", ncols=5, frameon=False,
             fontsize=12,
-        )
+        )  # fmt: skip
     return figure
 
 
@@ -212,10 +205,6 @@ def _reach(whiskers: Sequence[Whisker]) -> float:
     ends = [abs(end) for w in whiskers for end in (w.low, w.median, w.high)]
     furthest = max((end for end in ends if end <= _EDGE), default=0.0)
     return min(_EDGE, max(_LEAST, np.ceil(10 * furthest + 0.2) / 10))
-
-
-def _name(whisker: Whisker) -> str:
-    return f"{whisker.test}, held out" if whisker.held_out else whisker.test
 
 
 def _draw_whisker(axis: Axes, row: int, whisker: Whisker, tolerance: float, reach: float) -> None:
@@ -228,15 +217,9 @@ def _draw_whisker(axis: Axes, row: int, whisker: Whisker, tolerance: float, reac
             edge = np.copysign(100 * reach, end)
             axis.plot(edge, row, arrow, color=colour, markersize=8, clip_on=False)
     axis.plot(
-        100 * at,
-        row,
-        shape,
-        color=colour,
-        markersize=9,
-        markeredgewidth=2.2,
-        markerfacecolor="white" if whisker.held_out else colour,
-        clip_on=False,
-    )
+        100 * at, row, shape, color=colour, markersize=9, markeredgewidth=2.2,
+        markerfacecolor="white" if whisker.held_out else colour, clip_on=False,
+    )  # fmt: skip
     if missed:
         _say_error(axis, row, whisker.median, low, high, reach)
 

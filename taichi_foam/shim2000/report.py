@@ -85,7 +85,10 @@ def write(
             changed=[short(case.name) for case in cases if case.test is None],
             groups=_groups(content) if content["ensemble"] else [],
             criteria=_criteria(content),
-            kinds=[_kind(key, group) for key, group in groups.items()],
+            kinds=[
+                {"key": key, "name": KINDS[key].name, "rows": [_damage(case) for case in group]}
+                for key, group in groups.items()
+            ],
             pictures=drawn,
             ledger=_ledger(cases),
             choices=_choices(cases),
@@ -180,15 +183,6 @@ def _criteria(content: Mapping[str, Any]) -> list[Row]:
 def _hit(label: str, found: Mapping[str, Any]) -> Row:
     """A count as a card: large number, small number, words."""
     return {"large": found["within"], "small": f"of {found['of']}", "label": label}
-
-
-def _kind(key: str, group: Sequence[Case]) -> Row:
-    """The content of the section on one impactor."""
-    return {
-        "key": key,
-        "name": KINDS[key].name,
-        "rows": [_damage(case) for case in group],
-    }
 
 
 def _damage(case: Case) -> Row:

@@ -86,8 +86,8 @@ class Server:
         self._is_plain = (arch, threads) == ("cpu", None)
         self._socket = _bound(host, port)
         self.token = secrets.token_urlsafe(24)
-        self.is_open = not _is_loopback(self._socket)
-        bound_port = self._socket.getsockname()[1]
+        name, bound_port = self._socket.getsockname()[:2]
+        self.is_open = name not in LOOPBACK
         self.address = _address(host, bound_port, self.token)
         guarded = Guard(_app_of(self.view), self.token, bound_port, is_open=self.is_open)
         logging.getLogger("uvicorn.error").addFilter(NoNoise())
@@ -200,10 +200,6 @@ def _bound(host: str, port: int) -> socket.socket:
             what = f"host = {host}: cannot be used ({error.strerror}); try 127.0.0.1"
         raise UserError(what) from None
     return bound
-
-
-def _is_loopback(bound: socket.socket) -> bool:
-    return str(bound.getsockname()[0]) in LOOPBACK
 
 
 def _address(host: str, port: int, token: str) -> str:
