@@ -107,7 +107,6 @@ class Screen:
     # keys
 
     def toggle_pause(self) -> None:
-        """Pause, or continue."""
         self.session.tell(Pause(not self.session.paused))
 
     def step(self) -> None:
@@ -152,20 +151,16 @@ class Screen:
         self.look = replace(self.look, mode=_after(self.look.mode, list(MODES), by))
 
     def next_theme(self) -> None:
-        """Switch between light and dark."""
         self.look = replace(self.look, theme=_after(self.look.theme, list(THEMES), 1))
 
     def toggle_grid(self) -> None:
-        """Show or hide the foam's grid."""
         self.look = replace(self.look, grid=not self.look.grid)
 
     def toggle_curve(self) -> None:
-        """Show or hide the deceleration."""
         self.curve = not self.curve
 
 
 def pace_words(pace: float | None) -> str:
-    """A pace in words."""
     return "full speed" if pace is None else f"1:{1 / pace:.0f} of real time"
 
 

@@ -185,7 +185,6 @@ class Session:
 
     @property
     def alive(self) -> bool:
-        """Whether the worker process is running."""
         return self._worker is not None and self._worker.alive
 
     @property
@@ -195,7 +194,6 @@ class Session:
 
     @property
     def state(self) -> State:
-        """State of the current drop."""
         if self._over is not None:
             return self._over
         if self.frame is None:
@@ -209,7 +207,6 @@ class Session:
 
     @property
     def ended(self) -> bool:
-        """Whether the current drop is over."""
         return self._over is not None
 
     @property

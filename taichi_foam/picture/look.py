@@ -172,7 +172,6 @@ class Look:
 
     @property
     def tones(self) -> Theme:
-        """The theme's colours."""
         return THEMES[self.theme]
 
     @property

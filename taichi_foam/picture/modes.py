@@ -75,7 +75,6 @@ def _strain_key(*words: str) -> Callable[[Scene], Key]:
 
 
 def _landmarks(scene: Scene) -> list[Landmarks]:
-    """The landmarks of the foams in a scene's block."""
     return [foam.landmarks for foam in foams_of_bonds(scene)[0]]
 
 
@@ -172,7 +171,6 @@ def _broken_key(scene: Scene) -> Key:
 
 
 def _broken(snapshot: Snapshot, scene: Scene) -> Array:
-    """Number of broken bonds of each node."""
     return over_bonds(np.add, snapshot.broken_a, snapshot.broken_b)
 
 

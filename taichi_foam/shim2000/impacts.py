@@ -66,7 +66,6 @@ TESTS: Mapping[str, PaperTest] = MappingProxyType({test.name: test for test in _
 """The nine tests by name, in the tables' order (captions of Figs 22 and 26)."""
 
 NAMES: tuple[str, ...] = tuple(TESTS)
-"""Their names."""
 
 
 def test_of(scene: Scene) -> PaperTest | None:

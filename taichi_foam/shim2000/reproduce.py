@@ -36,14 +36,12 @@ from taichi_foam.shim2000.study import Case, Computed
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.simulation.provenance import machine, versions
 
-DEFAULT_FOLDER = "reproduction"
-
 # Disk space for report, tables and figures [bytes].
 _REPORT_BYTES = 20_000_000
 
 
 def reproduce(
-    out: str | Path = DEFAULT_FOLDER,
+    out: str | Path = "reproduction",
     cases: Sequence[str] | None = None,
     *,
     ensemble: int | None = None,

@@ -8,10 +8,9 @@ from pathlib import Path
 from lattices import TINY
 from tables_shown import printed
 
-from taichi_foam import Result, Scene, catalogue, load_scene
+from taichi_foam import Result, Scene, load_scene
 from taichi_foam.cli import tables
 from taichi_foam.live.notebook import result_html
-from taichi_foam.picture.comparison import Lineup
 from taichi_foam.scene import Base, Wedge
 from taichi_foam.shim2000 import impacts
 from taichi_foam.shim2000.reproduce import reproduce
@@ -29,13 +28,6 @@ def written_by_hand() -> Scene:
     """The same test as somebody would write it, under a name of their own."""
     impactor = Wedge(velocity=2.86, angle_deg=90.0, shank_width=0.05)
     return Scene(name="my wedge", impactor=impactor, base=Base(stops_impactor=False))
-
-
-def test_measured_figures_are_those_of_a_test() -> None:
-    assert catalogue.reference_of(changed()) is None
-    found = catalogue.reference_of(written_by_hand()).figures
-    assert found["max_displacement_m"] == 0.075
-    assert "initial_peak_m_s2" not in found
 
 
 def test_a_case_knows_whether_it_is_still_the_test(make_result) -> None:
@@ -57,19 +49,9 @@ def test_the_table_in_the_terminal(make_result, study) -> None:
     assert " 7.50 " not in other
 
 
-def test_a_notebook(make_result, make_snapshot) -> None:
+def test_a_notebook(make_result) -> None:
     assert "measured" not in result_html(make_result(scene=changed()))
     assert "7.50" in result_html(make_result(scene=written_by_hand()))
-
-
-def test_names_of_runs_side_by_side(make_result, make_snapshot) -> None:
-    scenes = [load_scene(WEDGE), changed()]
-    runs = [make_result(scene=s, snapshots=[make_snapshot(s.block)]) for s in scenes]
-    captions = [catalogue.caption(scene) for scene in scenes]
-    lineup = Lineup.of(runs, captions=captions)
-    assert lineup.names == (TITLE, f"{WEDGE}, changed")
-    assert lineup.asides == ("mass = 6 kg", "mass = 5 kg")
-    assert Lineup.of(runs).asides == (WEDGE, WEDGE)
 
 
 def test_a_report_of_changed_tests_sets_nothing_measured_beside_them(

@@ -78,11 +78,6 @@ def test_the_middle_velocities_are_held_out() -> None:
 # --- what is kept, with results that were computed before --------------------------------------
 
 
-@pytest.fixture(scope="module")
-def stored(study) -> Result:
-    return Result.load(study.folder / "wedge-2.86")
-
-
 def coarse(name: str) -> Scene:
     return load_scene(name, overrides=COARSE)
 
@@ -90,25 +85,26 @@ def coarse(name: str) -> Scene:
 Change = Callable[[int, Result], Result]
 
 
-def given(
-    stored: Result, until: int | None = None, change: Change = lambda place, result: result
-) -> Callable:
-    """`simulate_many` that has the stored result for every scene; Ctrl-C comes after `until`."""
+@pytest.fixture
+def give(study, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Have every scene give a stored result; Ctrl-C comes after `until`."""
+    stored = Result.load(study.folder / "wedge-2.86")
 
-    def simulate_many(
-        scenes: Sequence[Scene], on_progress: object, **more: object
-    ) -> Iterator[tuple[int, Result]]:
-        for place, scene in enumerate(scenes):
-            if place == until:
-                raise KeyboardInterrupt
-            yield place, change(place, replace(stored, scene=scene))
+    def give(until: int | None = None, change: Change = lambda place, result: result) -> None:
+        def simulate_many(
+            scenes: Sequence[Scene], on_progress: object, **more: object
+        ) -> Iterator[tuple[int, Result]]:
+            for place, scene in enumerate(scenes):
+                if place == until:
+                    raise KeyboardInterrupt
+                yield place, change(place, replace(stored, scene=scene))
 
-    return simulate_many
+        monkeypatch.setattr(simulate, "simulate_many", simulate_many)
+
+    return give
 
 
-def test_full_runs_are_let_go_but_for_the_one_to_be_shown(
-    stored: Result, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_runs_are_let_go_but_for_the_one_to_be_shown(give: Callable) -> None:
     seen: list[weakref.ref] = []
 
     def watched(place: int, result: Result) -> Result:
@@ -118,7 +114,7 @@ def test_full_runs_are_let_go_but_for_the_one_to_be_shown(
         seen.append(weakref.ref(result))
         return result
 
-    monkeypatch.setattr(simulate, "simulate_many", given(stored, change=watched))
+    give(change=watched)
     computed = compute([coarse(WEDGE), coarse(FLAT)], 4, Bars())
     gc.collect()
     assert sum(ref() is not None for ref in seen) == 2
@@ -128,8 +124,8 @@ def test_full_runs_are_let_go_but_for_the_one_to_be_shown(
     assert not computed.interrupted
 
 
-def test_ctrl_c_keeps_the_finished_members(stored: Result, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulate, "simulate_many", given(stored, until=6))
+def test_ctrl_c_keeps_the_finished_members(give: Callable) -> None:
+    give(until=6)
     scenes = [coarse(name) for name in (WEDGE, FLAT, "paper/cylinder-2.94")]
     computed = compute(scenes, 4, Bars())
     assert computed.interrupted
@@ -139,10 +135,8 @@ def test_ctrl_c_keeps_the_finished_members(stored: Result, monkeypatch: pytest.M
     assert velocities == pytest.approx([3.03 * 0.995, 3.03 * (1 - 0.005 / 3)])
 
 
-def test_ctrl_c_writes_a_folder_with_what_has_finished(
-    stored: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(simulate, "simulate_many", given(stored, until=5))
+def test_ctrl_c_writes_a_folder_with_what_has_finished(give: Callable, tmp_path: Path) -> None:
+    give(until=5)
     content = reproduce(
         tmp_path / "out", ["wedge-2.86", "cylinder-3.32"], ensemble=3, overrides=COARSE
     )
@@ -155,25 +149,21 @@ def test_ctrl_c_writes_a_folder_with_what_has_finished(
     assert "Of Cylinder 3.32 2 of 3 runs have finished" in report
 
 
-def test_ctrl_c_before_any_run_has_finished_writes_nothing(
-    stored: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(simulate, "simulate_many", given(stored, until=0))
+def test_ctrl_c_before_any_run_has_finished_writes_nothing(give: Callable, tmp_path: Path) -> None:
+    give(until=0)
     with pytest.raises(KeyboardInterrupt, match="no run had finished"):
         reproduce(tmp_path / "out", ["wedge-2.86"], ensemble=3)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_that_fails_is_left_out_and_told(
-    stored: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_fails_is_left_out_and_told(give: Callable, tmp_path: Path) -> None:
     """The others have the strengths that they draw in any case."""
 
     def fail(place: int, result: Result) -> Result:
         bad = {**result.run, "ended_by": Ending.CROWDED}
         return replace(result, run=bad) if place == 1 else result
 
-    monkeypatch.setattr(simulate, "simulate_many", given(stored, change=fail))
+    give(change=fail)
     scattered = [*COARSE, "foam.strength_scatter=0.1", "foam.strength_seed=7"]
     with pytest.raises(RunError, match=r"2\.86\d* m/s: too many neighbours") as raised:
         reproduce(tmp_path / "out", ["wedge-2.86"], ensemble=3, films=False, overrides=scattered)

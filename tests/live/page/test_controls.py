@@ -16,8 +16,7 @@ from taichi_foam.live.controls import Controls, knobs, offered_shapes
 from taichi_foam.live.page import commands
 from taichi_foam.live.page.numbers import MOST_POINTS, UNSETTLED, Cursor, Curve, thinned
 from taichi_foam.scene import FlatBlock
-from taichi_foam.shim2000 import impacts
-from taichi_foam.shim2000.impacts import NAMES, paper_scene
+from taichi_foam.shim2000.impacts import paper_scene
 
 WEDGE = paper_scene("paper/wedge-2.86")
 
@@ -148,15 +147,6 @@ def test_what_cannot_be_is_said_in_the_house_s_words(
 ) -> None:
     with pytest.raises(UserError, match=re.escape(words)):
         controls.scene_of(shape, values)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_tests_of_the_paper_are_known_by_their_conditions(name: str) -> None:
-    scene = paper_scene(name)
-    finer = load_scene(scene, overrides=["block.columns=80", "foam.rate=none", "name=mine"])
-    assert impacts.test_of(finer) is impacts.TESTS[name]
-    for change in ("impactor.velocity=2.0", "impactor.mass=5.9", "block.depth=0.05"):
-        assert impacts.test_of(load_scene(scene, overrides=[change])) is None
 
 
 def setting(value: str) -> str:
