@@ -66,25 +66,23 @@ def montage(
     snapshots: Sequence[Snapshot],
     scene: Scene,
     *,
-    mode: str | None = None,
     column: str = "double",
     n: int = 8,
 ) -> Figure:
-    """Several instants of a run, with their times, one key and a scale bar, on white.
+    """Several instants of a run in the mode of its scene, with times, key and scale bar, on white.
 
     Args:
         snapshots: the run's instants, in order of time.
         scene: the run's scene.
-        mode: quantity that the colours show, key of `modes.MODES`; default that of the scene.
         column: key of COLUMNS.
         n: number of instants, evenly spaced from the first snapshot to the last.
 
     Raises:
-        UserError: unknown column or mode, no snapshots.
+        UserError: unknown column, no snapshots.
     """
     width = column_width(column)
     chosen = choose(snapshots, n=n)
-    look = Look(mode or scene.output.mode)
+    look = Look(scene.output.mode)
     across = min(len(chosen), 4 if column == "double" else 2)
     down = math.ceil(len(chosen) / across)
     world = around(scene, snapshots)
