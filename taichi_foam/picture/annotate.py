@@ -148,7 +148,7 @@ def _hatch(image: Image8, box: Box, line: float, tones: Theme) -> None:
     rectangle(image, Box(box.left, box.top, box.right, box.top + thick), tones.floor)
 
 
-def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme = _LIGHT) -> None:
+def upright_key(image: Image8, box: Box, size: float, key: Key, tones: Theme) -> None:
     """Draw the colour key in `box` with its low end on top; text of `size` pixels."""
     face = font(size)
     y = box.top
@@ -218,7 +218,7 @@ def scale_bar(
     scale: float,
     longest: float,
     size: float,
-    tones: Theme = _LIGHT,
+    tones: Theme,
 ) -> None:
     """Draw a bar of a round length, at most `longest` pixels, with its length above it.
 

@@ -116,7 +116,7 @@ def impact_histories(histories: Mapping[float, History]) -> Figure:
 
 def energy_against_volume(
     groups: Mapping[str, Sequence[Absorption]],
-    measured_slopes: Mapping[str, Sequence[float]] | None = None,
+    measured_slopes: Mapping[str, Sequence[float]],
 ) -> Figure:
     """Energy absorbed against volume crushed, a panel for each shape (Fig. 13).
 
@@ -125,7 +125,6 @@ def energy_against_volume(
         measured_slopes: by the same names, measured energies per volume [J/m3] (Table 5), drawn
             as a wedge from the smallest to the largest.
     """
-    slopes = measured_slopes or {}
     with mpl.rc_context(STYLE):
         figure = blank(4.6 * max(1, len(groups)), 4.9)
         axes = figure.subplots(1, len(groups), sharex=True, sharey=True, squeeze=False)[0]
@@ -137,8 +136,8 @@ def energy_against_volume(
             axis.set_xlabel("volume crushed (cm³)")
             axis.set_xlim(0, right)
             axis.set_ylim(0, top)
-            if name in slopes:
-                _mark_slopes(axis, slopes[name], right, top)
+            if name in measured_slopes:
+                _mark_slopes(axis, measured_slopes[name], right, top)
             for colour, impact in zip(CYCLE, group, strict=False):
                 volume = 1e6 * impact.volume
                 axis.plot(volume, impact.energy, color=colour, solid_capstyle="round")

@@ -98,7 +98,9 @@ def shown(group: Sequence[Case]) -> Case:
     return next((case for case in group if TESTS[case.name].picture), group[-1])
 
 
-def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callable[[], Picture]]:
+def jobs(
+    folder: Path, groups: Mapping[str, Sequence[Case]], with_films: bool
+) -> dict[str, Callable[[], Picture]]:
     """Functions that draw the pictures into `folder`, by the picture's name.
 
     For each kind of impactor "<kind>-curves", "-montage", "-film" and "-ledger"; and "histories"
@@ -109,7 +111,8 @@ def jobs(folder: Path, groups: Mapping[str, Sequence[Case]]) -> dict[str, Callab
         one = shown(group)
         found[f"{key}-curves"] = partial(_curves, folder, key, group)
         found[f"{key}-montage"] = partial(_montage, folder, key, one)
-        found[f"{key}-film"] = partial(_film, folder, key, one)
+        if with_films:
+            found[f"{key}-film"] = partial(_film, folder, key, one)
         found[f"{key}-ledger"] = partial(_ledger, folder, key, one)
     if "rectangular" in groups:
         found["histories"] = partial(_histories, folder, groups["rectangular"])

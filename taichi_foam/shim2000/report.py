@@ -58,18 +58,16 @@ def write(
     figures = folder / "figures"
     figures.mkdir()
     groups = pictures.grouped(cases)
-    left_out = () if with_films else [f"{key}-film" for key in groups]
-    jobs = pictures.jobs(figures, groups)
+    jobs = pictures.jobs(figures, groups, with_films)
     panels = _whiskers(content) if content["ensemble"] else {}
     if panels:
-        draw_errors = pictures.errors_at_a_glance
-        jobs["errors"] = partial(draw_errors, figures, panels, content["tolerance"])
+        given = (figures, panels, content["tolerance"])
+        jobs["errors"] = partial(pictures.errors_at_a_glance, *given)
     i, j = (cases[0].scene.block.columns, cases[0].scene.block.rows) if cases else (0, 0)
     with bars.counting("report", "writing the report", len(jobs), "figures") as on_picture:
         drawn = {}
         for name, draw in jobs.items():
-            if name not in left_out:
-                drawn[name] = draw()
+            drawn[name] = draw()
             on_picture()
         page = template("taichi_foam.shim2000", "report.html.j2").render(
             content=content,
