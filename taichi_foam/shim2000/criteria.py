@@ -391,10 +391,8 @@ def _vertical(key: str, run: _Run) -> Criterion:
 
 def _split(shape: str, run: _Run) -> list[Criterion]:
     """The crack runs through the block, and two halves are left."""
-    reach, half = (
-        pattern.crack_reach(run.crack, run.block),
-        pattern.second_half(run.stop, run.block),
-    )
+    reach = pattern.crack_reach(run.crack, run.block)
+    half = pattern.second_half(run.stop, run.block)
     through = "The crack runs through the block (share of its height)"
     halves = "It splits the block into halves (share of the smaller one)"
     return [

@@ -4,10 +4,7 @@
     tf.reproduce("reproduction", cases=["wedge-2.86"])
     tf.reproduce("medians", ensemble=16)
 
-The folder contains report.html (self-contained), tables.csv, summary.json, figures/, and for each
-case a folder with the run's files and films. With `ensemble`, each test runs many times and the
-tables contain medians; members.csv then has every run's figures, and a case's folder the run
-nearest to the medians.
+What the folder holds is in docs/architecture.md, among the files.
 """
 
 from __future__ import annotations

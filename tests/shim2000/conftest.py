@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import pytest
 from lattices import COARSE, TINY
 
+from taichi_foam.shim2000.compare import COMPARED
 from taichi_foam.shim2000.reproduce import reproduce
 
 
@@ -16,6 +18,21 @@ from taichi_foam.shim2000.reproduce import reproduce
 class Study:
     folder: Path
     content: dict[str, Any]
+
+    def rows(self, name: str) -> list[dict[str, str]]:
+        """The rows of a table in its folder."""
+        with (self.folder / name).open(newline="") as file:
+            return list(csv.DictReader(file))
+
+    @property
+    def badges(self) -> int:
+        """Those of a report: for misses, for criteria that are not met, and one that explains."""
+        misses = sum(
+            case["measured"][q.key] is not None and not abs(case["error"][q.key] or 1) <= 0.10
+            for case in self.content["cases"]
+            for q in COMPARED
+        )
+        return misses + sum(not each["holds"] for each in self.content["criteria"]) + 1
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import json
 import os
 from collections.abc import Callable, Iterator
@@ -82,8 +81,7 @@ def test_errors_are_relative_to_the_tables(study) -> None:
 
 
 def test_tables_repeat_the_summary(study) -> None:
-    with (study.folder / "tables.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = study.rows("tables.csv")
     by_name = {case["name"]: case for case in study.content["cases"]}
     assert len(rows) == 7 + 5  # a flat block has an initial peak and its time
     for row in rows:

@@ -17,16 +17,15 @@ from taichi_foam.live.page.archive import MOST_CURVES, MOST_LISTED, MOST_WAITING
 from taichi_foam.live.page.view import ViewState
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Scene
 from taichi_foam.shim2000.impacts import paper_scene
 
 SCENE = paper_scene("paper/wedge-2.86")
 
 
-def a_result(scene: Scene = SCENE) -> Result:
+def a_result() -> Result:
     """One that has come to nothing."""
     history = {name: np.linspace(0.0, 1e-3, 11) for name in HISTORY_COLUMNS}
-    return Result(scene, history, [], {"interrupted": True})
+    return Result(SCENE, history, [], {"interrupted": True})
 
 
 def test_folders_are_numbered_on(tmp_path: Path) -> None:
@@ -106,14 +105,6 @@ def test_what_is_not_saved_stays_however_many_follow(
     assert [drop["number"] for drop in archive.told()["drops"]] == [5, 4]
     assert archive.close() == []
     assert len(list(tmp_path.iterdir())) == 5
-
-
-def test_a_folder_has_the_whole_name_of_the_scene(tmp_path: Path) -> None:
-    archive = Archive(tmp_path, lambda: None)
-    holed = SCENE.model_copy(update={"name": "foam with holes"})
-    archive.add(1, [], "rebound", a_result(holed))
-    assert archive.close() == []
-    assert [path.name for path in tmp_path.iterdir()] == ["foam-with-holes-001"]
 
 
 def test_who_waits_for_a_film_when_the_server_ends_is_told(
