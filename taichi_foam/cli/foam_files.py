@@ -28,7 +28,7 @@ from taichi_foam.scene.keys import written
 from taichi_foam.scene.library import FoamFile, foam_of, listed
 from taichi_foam.scene.measured import FINEST, CompressionTest
 from taichi_foam.scene.messages import explain, shown
-from taichi_foam.scene.paths import NOTHING, at
+from taichi_foam.scene.paths import NOTHING, at, unit_at
 from taichi_foam.units import plain, pressure_text
 
 _HEADER = """\
@@ -173,8 +173,7 @@ def _value(whole: FoamFile | Scene, key: str) -> tuple[str, str]:
     value = at(whole, key)
     if value is NOTHING:
         return "", ""
-    part, _, last = key.rpartition(".")
-    return written(value), unit_of(type(at(whole, part)).model_fields[last])
+    return written(value), unit_at(whole, key)
 
 
 def _percent(strain: float) -> str:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from taichi_foam.laws.bond import BondFoam
-from taichi_foam.parts import unit_of
 from taichi_foam.scene import CHOICE_SETS, Impactor, Scene
-from taichi_foam.scene.paths import by_key
+from taichi_foam.scene.paths import by_key, unit_at
 from taichi_foam.units import si_scale
 
 #: Most keys in a name, and most characters of a key with its value.
@@ -125,7 +124,7 @@ def _phrase(scene: Scene, key: str, value: Any) -> str:
     if key == "impactor.shape" and value is not None:
         return str(value)
     last = key.rpartition(".")[2]
-    return f"{key if last in _VAGUE else last} = {_shown(value, _unit(scene, key))}"
+    return f"{key if last in _VAGUE else last} = {_shown(value, unit_at(scene, key))}"
 
 
 def _shown(value: Any, unit: str) -> str:
@@ -141,13 +140,3 @@ def _shown(value: Any, unit: str) -> str:
         text = f"{value / factor:.6g}"
         return f"{text} {prefix}{unit}" if unit else text
     return f"{value} {unit}" if unit else str(value)
-
-
-def _unit(scene: Scene, key: str) -> str:
-    """The unit of a scene's key; empty if it has none."""
-    owner: Any = scene
-    *heads, last = key.split(".")
-    for head in heads:
-        owner = getattr(owner, head, None)
-    field = getattr(type(owner), "model_fields", {}).get(last)
-    return unit_of(field) if field else ""

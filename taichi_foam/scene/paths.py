@@ -11,7 +11,7 @@ import numpy as np
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam
 from taichi_foam.laws.shape import SHAPES
-from taichi_foam.parts import Part
+from taichi_foam.parts import Part, unit_of
 from taichi_foam.scene.messages import key_shown
 
 NOTHING = object()
@@ -32,6 +32,13 @@ def at(data: Any, key: str) -> Any:
             fields = getattr(type(data), "model_fields", {})
             data = getattr(data, step) if step in fields else NOTHING
     return data
+
+
+def unit_at(parts: Any, key: str) -> str:
+    """The unit of a dotted key in parts of a scene; empty if it has none."""
+    head, _, last = key.rpartition(".")
+    field = getattr(type(at(parts, head)), "model_fields", {}).get(last)
+    return unit_of(field) if field else ""
 
 
 def heads_of_foams(data: Any) -> Iterator[str]:

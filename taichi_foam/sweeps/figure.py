@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from taichi_foam.analysis.bands import band
 from taichi_foam.analysis.measures import MEASURES
 from taichi_foam.errors import UserError
-from taichi_foam.parts import is_number, unit_of
+from taichi_foam.parts import is_number
 from taichi_foam.picture.style import CYCLE, INK, STYLE, beside, blank, plain_log, spread
 from taichi_foam.scene import Scene
+from taichi_foam.scene.paths import unit_at
 from taichi_foam.sweeps import table
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.store import Sweep
@@ -351,10 +352,7 @@ def _label_of_measure(key: str, is_share: bool) -> str:
 
 def _label_of_axis(key: str, scene: Scene) -> str:
     """A key of the scene in words, with its unit."""
-    part, _, name = key.partition(".")
-    owner = getattr(scene, part, None)
-    field = type(owner).model_fields.get(name) if owner is not None else None
-    unit = unit_of(field) if field is not None else ""
+    unit = unit_at(scene, key)
     words = key.replace(".", " ").replace("_", " ")
     if not unit:
         return words
