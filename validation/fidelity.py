@@ -75,7 +75,7 @@ def smoke() -> None:
 
     Raises AssertionError or whatever goes wrong; writes nothing that stays.
     """
-    bars, counts = Bars(), dict.fromkeys(PARTS, 1)
+    bars = Bars()
     with TemporaryDirectory() as folder:
         store = Store.open(Path(folder) / "smoke.json")
         coarse = members.Ensemble("paper/rectangular-3.03", COARSE, 2)
@@ -94,7 +94,9 @@ def smoke() -> None:
                 made_up = {q.key: 1.05 * known[q.key] for q in members.JUDGED if q.key in known}
                 for name in each.members:
                     store.part(part)[name] = {"figures": made_up, "criteria": {"all": True}}
-        text = page.write(store, counts, Path(folder) / "fidelity.md", Path(folder))
+        text = page.write(
+            store, dict.fromkeys(PARTS, 1), Path(folder) / "fidelity.md", Path(folder)
+        )
         assert "### The held-out tests of the best" in text
         assert text.count("27 of 27") > len(changes.VALUES)
 

@@ -201,8 +201,8 @@ def _chance(one: list[float | None], other: list[float | None]) -> str:
     """How often samples of one and the same distribution rank at least as differently."""
     if not one or not other:
         return ""
-    ranked = [[math.inf if x is None else x for x in values] for values in (one, other)]
-    return f"{100 * mannwhitneyu(*ranked).pvalue:.0f} %"
+    first, second = ([math.inf if x is None else x for x in values] for values in (one, other))
+    return f"{100 * mannwhitneyu(first, second).pvalue:.0f} %"
 
 
 def _explained(tests: list[Test]) -> str:
@@ -253,7 +253,7 @@ def smoke() -> None:
     """
     coarse = (*COARSE, "numerics.end=8e-3")
     test = Test("paper/wedge-2.86", fine=1e-6, settings=coarse, scouted_every=4e-5)
-    counts = dict.fromkeys(STEPS, 2)
+    counts = {"auto": 2, "fine": 2}
     before_failure(test)
     impacts(test, counts, Bars())
     text = page([test], counts)

@@ -14,7 +14,7 @@ from typing import get_args
 
 import numpy as np
 
-from taichi_foam.scene import Scene
+from taichi_foam.scene import Foam, Scene
 from taichi_foam.simulation.simulate import simulate
 
 from .constants import Skipped, State
@@ -167,6 +167,7 @@ def _snapshots(scene: Scene) -> list:
     """The engine's snapshots, run once for each scene."""
     key = (scene.name, scene.model_dump_json())
     if key not in _kept:
+        assert isinstance(scene.foam, Foam)
         end = END_SOFTENING if scene.foam.softening else END
         short = {"numerics": {"end": end}, "output": {"snapshot_interval": INTERVAL}}
         _kept[key] = list(simulate(updated(scene, short)))
@@ -183,7 +184,7 @@ def lag(scene: Scene, snapshot) -> float:
     block, x = scene.block, snapshot.position
     strain_a = np.linalg.norm(np.diff(x, axis=0), axis=-1) / block.dx - 1.0
     strain_b = np.linalg.norm(np.diff(x, axis=1), axis=-1) / block.dy - 1.0
-    yielding = scene.foam.yield_strain
+    yielding = scene.foam.landmarks.crush_start
     lags = [
         np.where(strain < yielding, worst - strain, 0.0).max()
         for strain, worst in ((strain_a, snapshot.e_min_a), (strain_b, snapshot.e_min_b))

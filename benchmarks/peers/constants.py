@@ -128,15 +128,11 @@ def case_of(scene: Scene, known: Features = RATE_ONLY) -> Case:
     Raises:
         ValueError: the scene asks for a choice that the peer does not have.
     """
+    foam, impactor = _checked(scene, known)
+    block, base, model, numerics = scene.block, scene.base, scene.model, scene.numerics
     features = Features(
-        rate=scene.foam.rate is not None,
-        room=scene.model.crushed_room,
-        softening=scene.foam.softening,
+        rate=foam.rate is not None, room=model.crushed_room, softening=foam.softening
     )
-    _check(scene, known)
-    block, foam, model, numerics = scene.block, scene.foam, scene.model, scene.numerics
-    base, impactor = scene.base, scene.impactor
-    assert impactor is not None
     area_a, area_b = block.dy * block.depth, block.dx * block.depth
     stretch_a, stretch_b = area_a / block.dx, area_b / block.dy  # area over length
     along = numerics.damping_time * foam.youngs_modulus
@@ -206,16 +202,16 @@ def case_of(scene: Scene, known: Features = RATE_ONLY) -> Case:
     return Case(block.columns, block.rows, features, constants, _edges(outline), start, body)
 
 
-def _check(scene: Scene, known: Features) -> None:
-    """Refuse a scene that a peer would compute otherwise than the engine."""
-    foam, model = scene.foam, scene.model
+def _checked(scene: Scene, known: Features) -> tuple[Foam, Impactor]:
+    """Foam and impactor of a scene, refused if a peer would compute otherwise than the engine."""
+    foam, impactor, model = scene.foam, scene.impactor, scene.model
     if not isinstance(foam, Foam):
         raise ValueError(f"the peers do not know the bond law {foam.law!r}")
     refused = {
-        "a scene without impactor": scene.impactor is None,
+        "a scene without impactor": impactor is None,
         "an impactor that is no polygon": (
-            scene.impactor is not None
-            and (scene.impactor.is_circle or scene.impactor.distance is not Impactor.distance)
+            impactor is not None
+            and (impactor.is_circle or impactor.distance is not Impactor.distance)
         ),
         "mass points that stand for no whole cells": not scene.block.is_rectangle,
         f"damping {model.damping!r}": model.damping != "stiffness",
@@ -244,9 +240,10 @@ def _check(scene: Scene, known: Features) -> None:
         "strengths that differ": foam.strength_scatter > 0.0 or bool(scene.start.cuts),
         "a start in motion": not scene.start.is_at_rest,
     }
-    if any(refused.values()):
+    if impactor is None or any(refused.values()):
         names = ", ".join(name for name, is_so in refused.items() if is_so)
         raise ValueError(f"the peers do not know {names}")
+    return foam, impactor
 
 
 def _edges(outline: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from taichi_foam.scene import Scene
 
 from . import compile as compiling
 from .constants import RATE_ONLY, WORKS, Case, Constants, Features, Skipped, State, case_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _LISTS = ctypes.POINTER(_DOUBLES)
@@ -55,21 +58,32 @@ def _checked(library: ctypes.CDLL) -> ctypes.CDLL:
 
 
 class _Native:
-    """One lattice at a time in a compiled library."""
+    """A compiled library, and what it has created."""
 
-    name: ClassVar[str]
-    source: ClassVar[str]
+    name: str
     knows: ClassVar[Features] = RATE_ONLY
-
-    def __init__(self) -> None:
-        self._library: ctypes.CDLL | None = None
-        self._lattice: int | None = None
-        self._shape = (0, 0)
+    _library: ctypes.CDLL  # of the last scene
+    _created: int | None = None  # its address
 
     @classmethod
-    def load(cls) -> _Native | Skipped:
+    def load(cls, *options: Any) -> Self | Skipped:
         """The peer, if there is a compiler."""
-        return cls() if compiling.compiler() else Skipped(compiling.ABSENT)
+        return cls(*options) if compiling.compiler() else Skipped(compiling.ABSENT)
+
+    def close(self) -> None:
+        """Free what was created."""
+        if self._created is not None:
+            self._library.destroy(self._created)
+            self._created = None
+
+    def __del__(self) -> None:
+        self.close()
+
+
+class _Single(_Native):
+    """One lattice at a time."""
+
+    source: ClassVar[str]
 
     def prepare(self, scene: Scene) -> None:
         """Stand at the scene's start, compiled for its choices."""
@@ -77,7 +91,7 @@ class _Native:
         self.close()
         self._library = _library(self.source, case.features)
         constants = np.array(case.constants)
-        self._lattice = self._library.create(
+        self._created = self._library.create(
             case.columns, case.rows, _pointer(constants), len(case.edges), _pointer(case.edges),
             _pointer(case.start), _pointer(case.body),
         )  # fmt: skip
@@ -85,33 +99,24 @@ class _Native:
 
     def advance(self, steps: int, threads: int = 1) -> int:
         """Take steps; how many were taken: fewer where the lattice went astray."""
-        return self._library.advance(self._lattice, steps, threads)
+        return self._library.advance(self._created, steps, threads)
 
     def state(self) -> State:
         """Copy the accepted state."""
         nodes = np.empty((*self._shape, 4))
         summary = np.empty(self._library.summary_count())
-        self._library.read(self._lattice, _pointer(nodes), _pointer(summary))
+        self._library.read(self._created, _pointer(nodes), _pointer(summary))
         return _state(nodes, summary)
 
-    def close(self) -> None:
-        """Free the lattice."""
-        if self._lattice is not None:
-            self._library.destroy(self._lattice)
-            self._lattice = None
 
-    def __del__(self) -> None:
-        self.close()
-
-
-class Plain(_Native):
+class Plain(_Single):
     """Structs of nodes, scalar code: what one writes first."""
 
     name = "C++, plain"
     source = "plain.cpp"
 
 
-class Vectors(_Native):
+class Vectors(_Single):
     """An array for each quantity, loops without branches: what a compiler turns into vectors."""
 
     name = "C++, vectors"
@@ -119,22 +124,15 @@ class Vectors(_Native):
     knows = Features(rate=True, room=True, softening=True)
 
 
-class Batch:
+class Batch(_Native):
     """A lattice in each lane of a vector, of so many bits or of the widest there is below."""
 
     knows = Features(rate=False, room=True, softening=True)
 
-    def __init__(self, bits: int) -> None:
+    def __init__(self, bits: int = 512) -> None:
         self.name = f"C++, a lattice in each lane of {bits} bits"
         self._bits = bits
-        self._library: ctypes.CDLL | None = None
-        self._batch: int | None = None
         self._cases: list[Case] = []
-
-    @classmethod
-    def load(cls, bits: int = 512) -> Batch | Skipped:
-        """The peer, if there is a compiler."""
-        return cls(bits) if compiling.compiler() else Skipped(compiling.ABSENT)
 
     def prepare(self, scenes: list[Scene]) -> None:
         """Stand at the scenes' starts, compiled for their choices.
@@ -153,7 +151,7 @@ class Batch:
         first = cases[0]
         self._library = _batch_library(first.features, self._bits)
         constants = [np.array(case.constants) for case in cases]
-        self._batch = self._library.create_batch(
+        self._created = self._library.create_batch(
             len(cases), first.columns, first.rows, _pointers(constants), len(first.edges),
             _pointers([case.edges for case in cases]), _pointers([case.start for case in cases]),
             _pointers([case.body for case in cases]),
@@ -162,7 +160,7 @@ class Batch:
 
     def advance(self, steps: int, threads: int = 1) -> int:
         """Take steps, each lattice of its own size; those of a vector go astray together."""
-        self._library.advance(self._batch, steps, threads)
+        self._library.advance(self._created, steps, threads)
         return steps
 
     def states(self) -> list[State]:
@@ -171,18 +169,9 @@ class Batch:
         for n, case in enumerate(self._cases):
             nodes = np.empty((case.columns, case.rows, 4))
             summary = np.empty(self._library.summary_count())
-            self._library.read(self._batch, n, _pointer(nodes), _pointer(summary))
+            self._library.read(self._created, n, _pointer(nodes), _pointer(summary))
             found.append(_state(nodes, summary))
         return found
-
-    def close(self) -> None:
-        """Free the lattices."""
-        if self._batch is not None:
-            self._library.destroy(self._batch)
-            self._batch = None
-
-    def __del__(self) -> None:
-        self.close()
 
 
 def _state(nodes: np.ndarray, summary: np.ndarray) -> State:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
@@ -54,7 +55,7 @@ def scene_with(choices: Choices, name: str = CASE, extent: Extent = "peers") -> 
     return updated(updated(paper_scene(name), CHANGES[choices]), EXTENTS[extent])
 
 
-def updated(scene: Scene, values: dict[str, dict[str, object]]) -> Scene:
+def updated(scene: Scene, values: Mapping[str, Mapping[str, object]]) -> Scene:
     """The scene with other values, by part and field."""
     return scene.model_copy(
         update={part: getattr(scene, part).model_copy(update=new) for part, new in values.items()}
@@ -87,7 +88,5 @@ def lattice_of(scene: Scene, columns: int, rows: int) -> Scene:
     if impactor is None:
         return scene
     share = size["width"] / block.width
-    wider: dict[str, object] = {"mass": impactor.mass * share}
-    if "width" in type(impactor).model_fields:
-        wider["width"] = impactor.width * share
-    return updated(scene, {"impactor": wider})
+    sizes = [key for key in ("mass", "width") if key in type(impactor).model_fields]
+    return updated(scene, {"impactor": {key: share * getattr(impactor, key) for key in sizes}})
