@@ -22,8 +22,9 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from pages import RESULTS
 from rich.console import Console
-from store import SMOKE_HELP
+from store import Smoke
 
 from taichi_foam.calibration.calibrate import FIGURE_NOISE, target_of
 from taichi_foam.calibration.emulator import emulator_of, spreads
@@ -38,8 +39,6 @@ from taichi_foam.results.files import write_json
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.impacts import case_names, paper_scene
 from taichi_foam.simulation.progress import Bars
-
-RESULTS = Path(__file__).parent / "results"
 
 FOAM = Path(__file__).parents[1] / "scenes" / "own_foam.csv"
 
@@ -113,10 +112,10 @@ def main(
     paper: Annotated[bool, typer.Option("--paper", help="The paper's nine tests instead.")] = False,
     out: Annotated[str | None, typer.Option(help="Folder that keeps the runs.")] = None,
     threads: Annotated[int | None, typer.Option(help="CPU threads.")] = None,
-    short: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
+    smoke_test: Smoke = False,
 ) -> None:
     """Print what came out, and keep it in results/."""
-    if short:
+    if smoke_test:
         smoke()
         return
     bars = Bars(Console(stderr=True))

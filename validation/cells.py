@@ -19,14 +19,11 @@ from cells_study import page
 from cells_study.runs import TESTS, Variant, variants
 from ensembles import full_names
 from fidelity_study import members
+from pages import FIGURES, RESULTS, Page
 from rich.console import Console
-from store import SMOKE_HELP, Store, chosen, computed, leave
+from store import Compute, Figures, Fresh, Out, Smoke, Store, chosen, computed, leave
 
 from taichi_foam.simulation.progress import Bars
-
-HERE = Path(__file__).parent
-RESULTS = HERE / "results"
-FIGURES = HERE.parent / "docs" / "figures"
 
 PARTS = ("cells", "readings", "mechanisms")
 
@@ -48,7 +45,7 @@ def smoke() -> None:
                 for n, name in enumerate(ensemble.members):
                     made_up = {quantity.key: 1.0 + 0.01 * n for quantity in page.JUDGED}
                     store.part(variant.part)[name] = {"figures": made_up, "criteria": {}}
-        text = page.write(store, Path(folder) / "cells.md", Path(folder))
+        text = page.write(store, Page(Path(folder) / "cells.md", Path(folder)))
         assert "- 4 mm: 9 of 9 medians within 6 %" in text
         assert all(variant.label in text for variant in variants()[1:])
 
@@ -64,11 +61,11 @@ def main(
     cases: Annotated[
         str | None, typer.Option(help="Compute these tests only, as in wedge-2.86,cylinder-2.94.")
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget all that the parts kept.")] = False,
-    compute: Annotated[bool, typer.Option(help="Compute what is missing, or only write.")] = True,
-    out: Annotated[Path, typer.Option(help="Where the page goes.")] = RESULTS / "cells.md",
-    figures: Annotated[Path, typer.Option(help="Where the picture goes.")] = FIGURES,
-    smoke_test: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
+    fresh: Fresh = False,
+    compute: Compute = True,
+    out: Out = RESULTS / "cells.md",
+    figures: Figures = FIGURES,
+    smoke_test: Smoke = False,
 ) -> None:
     """Compute what is missing, and write and print the page of all that is there."""
     if smoke_test:
@@ -88,7 +85,7 @@ def main(
 
     wanted = chosen(parts, PARTS) if compute else []
     whole = computed(store, {part: partial(compute_part, part) for part in wanted}, fresh)
-    typer.echo(page.write(store, out, figures))
+    typer.echo(page.write(store, Page(out, figures)))
     leave(bars, out, whole)
 
 

@@ -12,20 +12,18 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from pages import RESULTS, table
 from rich.console import Console
-from store import SMOKE_HELP
+from store import Smoke
 
 import taichi_foam as tf
 from taichi_foam.analysis.bands import band
 from taichi_foam.cushions import verify
 from taichi_foam.results.files import write_json
 from taichi_foam.simulation.progress import Bars
-
-RESULTS = Path(__file__).parent / "results"
 
 PRODUCTS = [
     (0.1, 150), (0.2, 120), (0.5, 100), (1.0, 80), (2.0, 60),
@@ -39,10 +37,10 @@ FOAMS = ("eps-14.4", "eps-18.4", "eps-21.6", "eps-28.8", "eps-38.4")
 def main(
     runs: Annotated[int, typer.Option(help="Runs of a pad.")] = 16,
     threads: Annotated[int | None, typer.Option(help="CPU threads.")] = None,
-    short: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
+    smoke_test: Smoke = False,
 ) -> None:
     """Print what came out, and keep it in results/."""
-    if short:
+    if smoke_test:
         smoke()
         return
     bars = Bars(Console(stderr=True))
@@ -51,12 +49,12 @@ def main(
         rows.append(product(mass, fragility, runs, threads, bars))
         bars.say(json.dumps(rows[-1]))
     write_json(RESULTS / "designs.json", {"runs": runs, "products": rows})
-    print("\n".join(table(rows, runs)))
+    print(products_table(rows, runs))
 
 
 def smoke() -> None:
     """One product and two runs, with kernels that come with the package."""
-    table([product(*PRODUCTS[5], runs=2, threads=None, bars=Bars())], 2)
+    products_table([product(*PRODUCTS[5], runs=2, threads=None, bars=Bars())], 2)
 
 
 def product(
@@ -88,13 +86,12 @@ def product(
     }
 
 
-def table(rows: list[dict[str, Any]], runs: int) -> list[str]:
-    """The lines of a Markdown table."""
+def products_table(rows: list[dict[str, Any]], runs: int) -> str:
+    """A row for each product, in Markdown."""
     head = ("product", "drop", "pad", "runs below", "largest, CFC 180", "raw / formula",
             "half the thickness: runs below", "median")  # fmt: skip
-    lines = [" | ".join(["", *head, ""]).strip(), "|" + "---|" * len(head)]
-    for row in rows:
-        cells = (
+    cells = [
+        (
             f"{row['mass_kg']:g} kg, {row['fragility_g']:g} g",
             f"{row['drop_m']:g} m",
             f"{row['foam']}, {1e3 * row['thickness_m']:g} mm, {1e4 * row['area_m2']:g} cm2",
@@ -104,8 +101,9 @@ def table(rows: list[dict[str, Any]], runs: int) -> list[str]:
             f"{row['half_below']} of {runs}",
             f"{row['half_median_cfc180_g']:.0f} g",
         )
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines
+        for row in rows
+    ]
+    return table(head, cells)
 
 
 if __name__ == "__main__":

@@ -57,12 +57,6 @@ def percent(error: float | None) -> str:
     return "–" if error is None or error == float("inf") else f"{100 * error:+.0f}"
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
-
-
 def short(name: str) -> str:
     """ "paper/rectangular-2.46" as the tables have it: flat 2.46."""
     shape, velocity = name.removeprefix("paper/").split("-")

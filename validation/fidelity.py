@@ -9,7 +9,7 @@ a digest of the run's scene: another calibration computes what it changes, anoth
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,17 +18,14 @@ from typing import Annotated
 
 import typer
 from ensembles import COARSE, full_names
-from fidelity_study import changes, grid, members, page
+from fidelity_study import changes, changes_page, grid, grid_page, members
+from pages import FIGURES, RESULTS, Page, headed
 from rich.console import Console
-from store import SMOKE_HELP, Store, chosen, computed, leave
+from store import Compute, Figures, Fresh, Out, Smoke, Store, chosen, computed, leave
 
 from taichi_foam.shim2000.impacts import TESTS
 from taichi_foam.shim2000.scores import HELD_OUT
 from taichi_foam.simulation.progress import Bars
-
-HERE = Path(__file__).parent
-RESULTS = HERE / "results"
-FIGURES = HERE.parent / "docs" / "figures"
 
 PARTS = ("select", "choices")
 VELOCITIES = {"select": grid.VELOCITIES, "choices": changes.VELOCITIES}
@@ -70,6 +67,17 @@ def choices(asked: Asked, store: Store, bars: Bars) -> None:
 COMPUTE = {"select": select, "choices": choices}
 
 
+def write(store: Store, velocities: Mapping[str, int], page: Page) -> str:
+    """Write page and picture of what there is of both parts; the text comes back."""
+    parts = [
+        *grid_page.section(velocities["select"], store.part("select")),
+        *changes_page.section(velocities["choices"], store.part("choices"), page),
+    ]
+    text = headed("The choices that the paper leaves open", "fidelity.py", parts)
+    page.write(text)
+    return text
+
+
 def smoke() -> None:
     """A few coarse impacts, and the page of figures that are made up: whether it all still works.
 
@@ -94,9 +102,8 @@ def smoke() -> None:
                 made_up = {q.key: 1.05 * known[q.key] for q in members.JUDGED if q.key in known}
                 for name in each.members:
                     store.part(part)[name] = {"figures": made_up, "criteria": {"all": True}}
-        text = page.write(
-            store, dict.fromkeys(PARTS, 1), Path(folder) / "fidelity.md", Path(folder)
-        )
+        page = Page(Path(folder) / "fidelity.md", Path(folder))
+        text = write(store, dict.fromkeys(PARTS, 1), page)
         assert "### The held-out tests of the best" in text
         assert text.count("27 of 27") > len(changes.VALUES)
 
@@ -114,11 +121,11 @@ def main(
         int | None,
         typer.Option(min=1, help="Velocities of each ensemble; use another --out with it."),
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Forget all that the parts kept.")] = False,
-    compute: Annotated[bool, typer.Option(help="Compute what is missing, or only write.")] = True,
-    out: Annotated[Path, typer.Option(help="Where the page goes.")] = RESULTS / "fidelity.md",
-    figures: Annotated[Path, typer.Option(help="Where the picture goes.")] = FIGURES,
-    smoke_test: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
+    fresh: Fresh = False,
+    compute: Compute = True,
+    out: Out = RESULTS / "fidelity.md",
+    figures: Figures = FIGURES,
+    smoke_test: Smoke = False,
 ) -> None:
     """Compute what is missing, and write and print the page of all that is there."""
     if smoke_test:
@@ -131,7 +138,7 @@ def main(
     wanted = chosen(parts, PARTS) if compute else []
     tasks = {part: partial(COMPUTE[part], asked, store, bars) for part in wanted}
     whole = computed(store, tasks, fresh)
-    typer.echo(page.write(store, counts, out, figures))
+    typer.echo(write(store, counts, Page(out, figures)))
     leave(bars, out, whole)
 
 

@@ -14,8 +14,9 @@ from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
-from ensembles import COARSE, ORDER, percent, short, table
-from store import SMOKE_HELP
+from ensembles import COARSE, ORDER, percent, short
+from pages import table
+from store import Smoke
 
 from taichi_foam.analysis.measures import (
     DISPLACEMENT,
@@ -141,7 +142,7 @@ def main(
     paper_literal: Annotated[
         Path | None, typer.Argument(help="Folder of --choices paper-literal.")
     ] = None,
-    smoke_test: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
+    smoke_test: Smoke = False,
 ) -> None:
     """Print the tables, as Markdown."""
     if smoke_test:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -26,22 +25,20 @@ from ensembles import (
     median_and_range,
     scene_of,
     short,
-    table,
 )
+from pages import FIGURES, RESULTS, Page, headed, table
 from rich.console import Console
 from scipy.stats import mannwhitneyu
-from store import SMOKE_HELP
+from store import Out, Smoke, leave
 
 from taichi_foam.analysis.measures import Quantity
 from taichi_foam.results.result import Result
 from taichi_foam.shim2000.impacts import TESTS
 from taichi_foam.shim2000.study import WITHIN
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.simulation.provenance import machine, versions
 from taichi_foam.simulation.simulate import run
 from taichi_foam.sweeps.sampling import factors
 
-RESULTS = Path(__file__).parent / "results"
 FINE = 1e-7  # s, Table 6
 STEPS = ("auto", "fine")
 
@@ -134,12 +131,7 @@ def page(tests: list[Test], counts: dict[str, int]) -> str:
     """All tables, as Markdown."""
     done = [test for test in tests if test.single]
     compared = [test for test in tests if test.deviations]
-    here, known = machine(), versions()
-    parts = [
-        "# The automatic step against 1e-7 s\n",
-        f"taichi_foam {known['taichi_foam']}, Taichi {known['taichi']}, {here['processor']}. "
-        "Written by `python validation/step_size.py`.\n",
-    ]
+    parts = []
     if done:
         parts += ["## Steps\n", _steps_table(done), "## Figures of the tests\n"]
         parts += [
@@ -152,7 +144,7 @@ def page(tests: list[Test], counts: dict[str, int]) -> str:
         parts += [text for q in ORDER for text in (f"### {q.label}, {q.unit}\n", _figures(done, q))]
     if compared:
         parts += ["## Before anything breaks\n", _explained(compared), _deviations_table(compared)]
-    return "\n".join(parts)
+    return headed("The automatic step against 1e-7 s", "step_size.py", parts)
 
 
 def _steps_table(tests: list[Test]) -> str:
@@ -268,8 +260,8 @@ def main(
     velocities: Annotated[int, typer.Option(min=0, help="Velocities of each ensemble.")] = 8,
     fine: Annotated[int, typer.Option(min=0, help="The same with 1e-7 s.")] = 8,
     impacts_too: Annotated[bool, typer.Option("--impacts/--no-impacts")] = True,
-    out: Annotated[Path, typer.Option(help="Where the page goes.")] = RESULTS / "step_size.md",
-    smoke_test: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
+    out: Out = RESULTS / "step_size.md",
+    smoke_test: Smoke = False,
 ) -> None:
     """Compare both steps and write the tables."""
     if smoke_test:
@@ -292,12 +284,11 @@ def main(
     for test in tests:
         if any(len(test.ensemble[step]) < counts[step] for step in STEPS) or len(test.single) < 2:
             test.single.clear()
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(page(tests, counts), encoding="utf-8")
+    text = page(tests, counts)
+    Page(out, FIGURES).write(text)
     out.with_suffix(".json").write_text(json.dumps(_raw(tests), indent=1), encoding="utf-8")
-    bars.say(page(tests, counts))
-    bars.say(f"written to {out}" + ", interrupted" * interrupted)
-    raise typer.Exit(130 if interrupted else 0)
+    bars.say(text)
+    leave(bars, out, not interrupted)
 
 
 if __name__ == "__main__":

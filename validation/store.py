@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
 from taichi_foam.simulation.progress import Bars
 
-SMOKE_HELP = "Only see whether everything still works, in seconds; write nothing."
+Smoke = Annotated[
+    bool,
+    typer.Option(
+        "--smoke", help="Only see whether everything still works, in seconds; write nothing."
+    ),
+]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Forget all that the parts kept.")]
+Compute = Annotated[bool, typer.Option(help="Compute what is missing, or only write.")]
+Out = Annotated[Path, typer.Option(help="Where the page goes.")]
+Figures = Annotated[Path, typer.Option(help="Where the pictures go.")]
 
 
 @dataclass
@@ -74,7 +83,7 @@ def leave(bars: Bars, out: Path, whole: bool) -> NoReturn:
     raise typer.Exit(0 if whole else 130)
 
 
-def chosen(parts: str | None, known: Sequence[str]) -> list[str]:
+def chosen(parts: str | None, known: Collection[str]) -> list[str]:
     """Parts of a study given as "shock,waves", or all that it knows.
 
     Raises:

@@ -8,44 +8,49 @@ impacts in cells of 1.25 mm take most of the time, minutes each; Ctrl-C keeps wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated, Any
+from types import ModuleType
+from typing import Annotated
 
 import typer
+from pages import FIGURES, RESULTS, Page, headed
 from rich.console import Console
-from store import SMOKE_HELP, Store, chosen, computed, leave
-from verification import cantilever, convergence, page, shock, smooth, waves
+from store import Compute, Figures, Fresh, Out, Smoke, Store, chosen, computed, leave
+from verification import (
+    cantilever,
+    cantilever_page,
+    convergence,
+    convergence_page,
+    shock,
+    shock_page,
+    smooth,
+    waves,
+    waves_page,
+)
 
 from taichi_foam.engine import runtime
 from taichi_foam.simulation.progress import Bars
 
-HERE = Path(__file__).parent
-RESULTS = HERE / "results"
-FIGURES = HERE.parent / "docs" / "figures"
-
-Compute = Callable[[], Any]
-
-
-def runs_of(part: str) -> Mapping[str, Mapping[str, Compute]]:
-    """What a part computes: by the name under which it is kept, and by the run's."""
-    plans: dict[str, dict[str, Mapping[str, Compute]]] = {
-        "shock": {"shock": _bound(shock.compute, shock.plan())},
-        "cantilever": {"cantilever": _bound(cantilever.compute, cantilever.plan())},
-        "waves": {"waves": _bound(waves.compute, waves.plan())},
-        "convergence": {
-            "smooth": _bound(smooth.compute, smooth.plan()),
-            "convergence": _bound(
-                convergence.compute, {each.name: each for each in convergence.impacts()}
-            ),
-        },
-    }
-    return plans[part]
+PARTS = {
+    "shock": {"shock": shock},
+    "waves": {"waves": waves},
+    "cantilever": {"cantilever": cantilever},
+    "convergence": {"smooth": smooth, "convergence": convergence},
+}
+"""What each part computes: studies with `plan` and `compute`, by where they are kept."""
 
 
-PARTS = ("shock", "waves", "cantilever", "convergence")
+def write(store: Store, page: Page) -> None:
+    """Write the page and the pictures of all parts that have anything."""
+    parts = [
+        *shock_page.section(store.part("shock"), page),
+        *convergence_page.section(store.part("convergence"), store.part("smooth"), page),
+        *cantilever_page.section(store.part("cantilever"), page),
+        *waves_page.section(store.part("waves"), page),
+    ]
+    page.write(headed("The lattice against theory", "verify.py", parts))
 
 
 def smoke() -> None:
@@ -72,21 +77,17 @@ def smoke() -> None:
         known = [set(each) for each in kept.part(part).values()]
         assert set(figures) in known, f"{part}: {sorted(figures)} is not what is kept of its runs"
     with TemporaryDirectory() as folder:
-        page.write(kept, Path(folder) / "verification.md", Path(folder))
-
-
-def _bound(compute: Callable[[Any], Any], plan: Mapping[str, Any]) -> dict[str, Compute]:
-    return {name: (lambda each=each: compute(each)) for name, each in plan.items()}
+        write(kept, Page(Path(folder) / "verification.md", Path(folder)))
 
 
 def main(
     parts: Annotated[str | None, typer.Option(help="Parts, as in shock,waves; none: all.")] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Compute again what is kept.")] = False,
-    compute: Annotated[bool, typer.Option(help="Compute what is missing, or only write.")] = True,
+    fresh: Fresh = False,
+    compute: Compute = True,
     threads: Annotated[int, typer.Option(min=1, help="CPU threads.")] = 1,
-    out: Annotated[Path, typer.Option(help="Where the page goes.")] = RESULTS / "verification.md",
-    figures: Annotated[Path, typer.Option(help="Where the pictures go.")] = FIGURES,
-    smoke_test: Annotated[bool, typer.Option("--smoke", help=SMOKE_HELP)] = False,
+    out: Out = RESULTS / "verification.md",
+    figures: Figures = FIGURES,
+    smoke_test: Smoke = False,
 ) -> None:
     """Compute what is missing, and write page and pictures."""
     if smoke_test:
@@ -94,18 +95,19 @@ def main(
         return
     bars = Bars(Console(highlight=False))
     store = Store.open(out.with_suffix(".json"))
-    wanted = [(name, runs) for part in chosen(parts, PARTS) for name, runs in runs_of(part).items()]
+    wanted = {name: study for part in chosen(parts, PARTS) for name, study in PARTS[part].items()}
 
-    def compute_part(name: str, runs: Mapping[str, Compute]) -> None:
+    def compute_all(name: str, study: ModuleType) -> None:
         runtime.start(threads=threads)
-        with bars.counting(name, name, len(runs), "runs") as on_run:
-            for run, figures_of_run in runs.items():
-                store.figures(name, run, figures_of_run)
+        plan = study.plan()
+        with bars.counting(name, name, len(plan), "runs") as on_run:
+            for run, asked in plan.items():
+                store.figures(name, run, partial(study.compute, asked))
                 on_run()
 
-    tasks = {name: partial(compute_part, name, runs) for name, runs in wanted if compute}
+    tasks = {name: partial(compute_all, name, study) for name, study in wanted.items() if compute}
     whole = computed(store, tasks, fresh)
-    page.write(store, out, figures)
+    write(store, Page(out, figures))
     leave(bars, out, whole)
 
 

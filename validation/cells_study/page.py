@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from ensembles import median_and_range, percent, short, table
+from ensembles import median_and_range, percent, short
 from matplotlib.axes import Axes
+from pages import MARKS, Page, cell_axis, key, panels, table
 from store import Store
-from verification.pages import MARKS, cell_axis, key, panels
 
 from cells_study.runs import AS_IT_IS, CELLS, REFERENCE, TESTS, Variant, variants
 from taichi_foam.analysis.bands import Band
 from taichi_foam.analysis.measures import DISPLACEMENT, DURATION, PLATEAU, Quantity
 
 JUDGED = (DURATION, DISPLACEMENT, PLATEAU)
-NAMES = ("duration", "displacement", "plateau")
-UNITS = ("ms", "cm", "m/s²")
-FACTORS = (1e3, 1e2, 1.0)
 TOLERANCE = 0.06
 """What cells of 4 and 2.5 mm may differ from those of 5 mm."""
 
@@ -76,28 +74,25 @@ def _ratio(value: float, known: float) -> float:
     return value / known - 1.0 if math.isfinite(known) else math.nan
 
 
-def write(store: Store, path: Path, pictures: Path) -> str:
+def write(store: Store, page: Page) -> str:
     """Write the page and its picture; its text comes back."""
     text = INTRODUCTION + "\n" + _cells(store)
-    picture = pictures / "cells.png"
     if any(figures(AS_IT_IS, test, REFERENCE, store) for test in TESTS):
-        draw(store, picture)
-        text += f"\n![Figures against the cell](../../docs/figures/{picture.name})\n"
+        text += "\n" + page.picture("cells", "Figures against the cell", partial(draw, store))
     for part, method in PARTS.items():
         rows = [_row(variant, store) for variant in variants() if variant.part == part]
         rows = [row for group in rows for row in group]
         if rows:
             header = ["", "cell, mm", *(short(test) for test in TESTS)]
             text += f"\n{method}\n{table(header, rows)}"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    page.write(text)
     return text
 
 
 def _cells(store: Store) -> str:
     """All figures of the foam as it is, and the worst change in each cell."""
     header = ["test", "cell, mm", "runs"]
-    header += [f"{name}, {unit}" for name, unit in zip(NAMES, UNITS, strict=True)]
+    header += [f"{quantity.name}, {quantity.unit}" for quantity in JUDGED]
     rows = []
     for test in TESTS:
         for cell in CELLS:
@@ -126,9 +121,9 @@ def _told(test: str, cell: float, store: Store) -> list[str]:
     found = figures(AS_IT_IS, test, cell, store)
     assert found is not None
     told = []
-    for quantity, factor, digits in zip(JUDGED, FACTORS, (1, 2, 1), strict=True):
+    for quantity in JUDGED:
         band = found[quantity.key]
-        low, median, high = (f"{factor * v:.{digits}f}" for v in (band.low, band.median, band.high))
+        low, median, high = map(quantity.text, (band.low, band.median, band.high))
         off = percent(change(AS_IT_IS, test, cell, quantity, store).median)
         told.append(f"{median} ({low} to {high}), {off} %")
     return told
@@ -153,8 +148,8 @@ def _changes(variant: Variant, test: str, cell: float, store: Store) -> str:
     if variant.part != "mechanisms":
         return changes
     middle = (
-        f"{factor * known[q.key].median:.{digits}f}"
-        for q, factor, digits in zip(JUDGED, FACTORS, (1, 2, 0), strict=True)
+        f"{q.factor * known[q.key].median:.{digits}f}"
+        for q, digits in zip(JUDGED, (1, 2, 0), strict=True)
     )
     return f"{changes} ({' '.join(middle)})"
 
@@ -174,7 +169,7 @@ def draw(store: Store, path: Path) -> None:
 
 def _panel(axis: Axes, test: str, store: Store) -> None:
     axis.axhspan(-100 * TOLERANCE, 100 * TOLERANCE, color="0.92", zorder=0)
-    for quantity, name, mark in zip(JUDGED, NAMES, MARKS, strict=False):
+    for quantity, mark in zip(JUDGED, MARKS, strict=False):
         found = {
             cell: change(AS_IT_IS, test, cell, quantity, store)
             for cell in CELLS
@@ -187,6 +182,6 @@ def _panel(axis: Axes, test: str, store: Store) -> None:
             [100 * (min(band.high, 1.0) - band.median) for band in kept.values()],
         ]
         sizes = [1e3 * cell for cell in kept]
-        axis.errorbar(sizes, median, yerr=spread, fmt=f"{mark}-", capsize=3, label=name)
+        axis.errorbar(sizes, median, yerr=spread, fmt=f"{mark}-", capsize=3, label=quantity.name)
     cell_axis(axis, CELLS)
     axis.set_ylim(-30, 30)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
-from ensembles import ORDER, percent, short, table
+from ensembles import ORDER, percent, short
+from pages import Page, table
 
 from fidelity_study.changes import Outcome, outcomes
+from fidelity_study.changes_picture import draw
 from fidelity_study.members import Entry, Kept
 from taichi_foam.shim2000.compare import TOLERANCE
 from taichi_foam.shim2000.impacts import NAMES
@@ -15,7 +18,7 @@ from taichi_foam.shim2000.scores import SHARE
 WITHIN = f"within {100 * TOLERANCE:.0f} %"
 
 
-def section(velocities: int, kept: Kept) -> list[str]:
+def section(velocities: int, kept: Kept, page: Page) -> list[str]:
     """Errors test by test, and what they come to."""
     found = outcomes(velocities, kept)
     if not found:
@@ -31,7 +34,11 @@ def section(velocities: int, kept: Kept) -> list[str]:
         f"{100 * SHARE:.0f} % of the runs meet it; `taichi_foam/shim2000/criteria.py` has each in "
         f"words.\n",
         _summary_table(found),
-        "![fidelity-choices]\n",
+        page.picture(
+            "fidelity-choices",
+            "Errors of the nine tests for each change, a panel for each figure",
+            partial(draw, found),
+        ),
         "A mark for each test's median; below `calibrated`, what moves the medians most comes "
         "first.\n",
         "Errors of duration / largest displacement / plateau / energy per volume, in per cent of "

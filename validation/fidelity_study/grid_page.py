@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ensembles import percent, short, table
+from ensembles import percent, short
+from pages import table
 
 from fidelity_study.grid import (
     FITTED,

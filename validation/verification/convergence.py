@@ -79,6 +79,11 @@ def impacts() -> Iterator[Impact]:
                     yield Impact(case, cell, strength, factor)
 
 
+def plan() -> dict[str, Impact]:
+    """All runs by name."""
+    return {each.name: each for each in impacts()}
+
+
 def of_cell(case: str, cell: float, strength: str) -> list[Impact]:
     """The runs of one case, cell and strength; at the reference cell both strengths agree."""
     known = "strain" if cell == REFERENCE else strength

@@ -9,10 +9,9 @@ import numpy as np
 
 from taichi_foam.scene import Scene
 from verification import convergence
-from verification.convergence import Impact
+from verification.convergence import CASES, Impact
 from verification.runs import whole
 
-CASES = ("rectangular-3.03", "cylinder-2.94", "wedge-2.86")
 END = 2e-3  # s
 STEPS = (1, 2, 4, 8)  # by how many times the step is cut
 EXACT = 64

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pages import MARKS, Page, cell_axis, key, panels, percent, table
 
 from taichi_foam.picture.style import CYCLE, INK
 from verification import waves
-from verification.pages import MARKS, cell_axis, key, panels, percent, table
 
 Part = dict[str, Any]
 
@@ -19,6 +20,30 @@ Airy's integral; with Table 6's dashpots the place is at v0 / 2 and the width th
 eta / rho. Width is from 10 to 90 % of v0. The lattice's exact dispersion, of longitudinal and of
 shear waves, and its second order are tests: `tests/conservation/test_waves.py`.
 """
+
+FINDINGS = """Without dashpots the front's place errs by a sixth of a cell, first order, from where
+the plate meets the first mass point; its width is Airy's within 1.4 % in the coarsest cells, and
+shrinks with the power 2/3 of the cell. With Table 6's dashpots the width is that of the
+continuum, 158 mm, within 0.6 % in any cell: there the cells do not matter, and what is left of
+the place, 2 mm or 0.3 %, is the dashpots' too and does not go away.
+"""
+
+
+def section(part: Part, page: Page) -> list[str]:
+    """Place and width of an elastic front."""
+    if not part:
+        return []
+    return [
+        "## Waves\n",
+        METHOD,
+        fronts_table(part),
+        page.picture(
+            "verification-waves",
+            "Place and width of an elastic front against cell size",
+            partial(draw, part),
+        ),
+        FINDINGS,
+    ]
 
 
 def fronts_table(part: Part) -> str:

@@ -1,9 +1,11 @@
-"""What the pages of all parts share: tables, and figures in the package's style."""
+"""What the pages of all studies share: their head, tables, and pictures in the package's style."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +13,43 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 
 from taichi_foam.picture import style
+from taichi_foam.simulation.provenance import machine, versions
 
+RESULTS = Path(__file__).parent / "results"
+FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 MARKS = ("o", "s", "^", "D", "v")
+
+
+@dataclass(frozen=True)
+class Page:
+    """Where a page goes, and the folder of its pictures."""
+
+    path: Path
+    figures: Path
+
+    def picture(self, name: str, caption: str, draw: Callable[[Path], object]) -> str:
+        """Have a picture drawn as PNG and SVG; the paragraph that shows it."""
+        path = self.figures / f"{name}.png"
+        draw(path)
+        return f"![{caption}]({os.path.relpath(path, self.path.parent)})\n"
+
+    def write(self, text: str) -> None:
+        """Write it, into a folder that is made if need be."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self.path.write_text(text, encoding="utf-8")
+
+
+def headed(title: str, script: str, parts: Sequence[str]) -> str:
+    """The text of a page: title, machine, versions and script, then its paragraphs."""
+    here, known = machine(), versions()
+    return "\n".join(
+        [
+            f"# {title}\n",
+            f"taichi_foam {known['taichi_foam']}, Taichi {known['taichi']}, {here['processor']}. "
+            f"Written by `python validation/{script}`.\n",
+            *parts,
+        ]
+    )
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
