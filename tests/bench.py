@@ -19,7 +19,7 @@ from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Output, Scene
 from taichi_foam.scene.filling import filling
 from taichi_foam.shim2000.impacts import paper_scene
-from taichi_foam.simulation.simulate import run
+from taichi_foam.simulation.simulate import Progress, run
 
 # The one small block of these tests: 10 x 20 nodes, any size and cell shape.
 COLUMNS, ROWS = 10, 20
@@ -153,9 +153,26 @@ def assert_same_snapshots(one: Snapshot, other: Snapshot, but: Collection[str] =
             np.testing.assert_array_equal(values, getattr(other, name), err_msg=name)
 
 
+def interrupt_at(fraction: float) -> Callable[[Progress], None]:
+    """What presses Ctrl-C when so much of a run, or of a series of drops, is done."""
+
+    def press(progress: Progress) -> None:
+        if progress.fraction >= fraction:
+            raise KeyboardInterrupt
+
+    return press
+
+
 def assert_same(one: Result, other: Result, but: Collection[str] = ()) -> None:
     """Histories and snapshots to the last bit, of the latter all fields but these."""
     for name, column in one.history.items():
         np.testing.assert_array_equal(column, other.history[name], err_msg=name)
     for a, b in zip(one.snapshots, other.snapshots, strict=True):
         assert_same_snapshots(a, b, but)
+
+
+def assert_same_run(one: Result, other: Result) -> None:
+    """All of it, and also how it was computed and how it ended."""
+    assert_same(one, other)
+    for key in ("ended_by", "steps", "dt_min_s", "dt_max_s", "max_overlap_m", "after"):
+        assert one.run.get(key) == other.run.get(key), key

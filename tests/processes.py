@@ -2,9 +2,12 @@
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 import taichi_foam
 
@@ -31,3 +34,18 @@ def until(
         assert time.monotonic() < end, what
         turn(0.02)
     return found
+
+
+@contextmanager
+def without_rights() -> Iterator[None]:
+    """Root may write anywhere: it is nobody while the block runs. Skipped without Unix users."""
+    if not hasattr(os, "geteuid"):
+        pytest.skip("needs Unix permissions")
+    is_root = os.geteuid() == 0
+    if is_root:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        if is_root:
+            os.seteuid(0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -20,15 +20,21 @@ from peers.compile import CompileError
 from peers.constants import case_of
 
 
+def loaded(kind: type, *options: int) -> Any:
+    """A peer; a test of one that is not installed is skipped."""
+    peer = kind.load(*options)
+    if isinstance(peer, Skipped):
+        pytest.skip(peer.reason)
+    return peer
+
+
 @pytest.mark.parametrize("choices", get_args(Choices))
 @pytest.mark.parametrize("kind", PEERS)
 @pytest.mark.parametrize("name", CASES)
 def test_peer_moves_nodes_and_impactor_as_the_engine_does(
     name: str, kind: type, choices: Choices
 ) -> None:
-    peer = kind.load()
-    if isinstance(peer, Skipped):
-        pytest.skip(peer.reason)
+    peer = loaded(kind)
     outcome = compare(peer, name, choices, threads=1)
     assert outcome.passed, outcome
     assert outcome.intact > 1, "bonds broke at once: nothing was compared before that"
@@ -40,9 +46,7 @@ def test_peer_moves_nodes_and_impactor_as_the_engine_does(
 @pytest.mark.parametrize("kind", SOFTENING)
 @pytest.mark.parametrize("name", CASES)
 def test_peer_keeps_room_and_softens_as_the_engine_does(name: str, kind: type) -> None:
-    peer = kind.load()
-    if isinstance(peer, Skipped):
-        pytest.skip(peer.reason)
+    peer = loaded(kind)
     outcome = compare(peer, name, "calibrated", threads=1, extent="room")
     assert outcome.passed, outcome
     assert outcome.intact > 1
@@ -56,9 +60,7 @@ def test_peer_keeps_room_and_softens_as_the_engine_does(name: str, kind: type) -
 def test_each_lane_moves_its_lattice_as_the_engine_does(
     name: str, bits: int, extent: Extent
 ) -> None:
-    peer = Batch.load(bits)
-    if isinstance(peer, Skipped):
-        pytest.skip(peer.reason)
+    peer = loaded(Batch, bits)
     outcomes = compare_batch(peer, name, extent, threads=1, count=3)
     assert all(outcome.passed for outcome in outcomes), outcomes
     assert all(outcome.intact > 1 for outcome in outcomes)
@@ -69,9 +71,7 @@ def test_each_lane_moves_its_lattice_as_the_engine_does(
 
 
 def test_batch_refuses_lattices_that_differ_in_their_choices() -> None:
-    peer = Batch.load()
-    if isinstance(peer, Skipped):
-        pytest.skip(peer.reason)
+    peer = loaded(Batch)
     scenes = [scene_with("calibrated", extent=extent) for extent in BATCH_EXTENTS]
     with pytest.raises(ValueError, match="one size and one set of choices"):
         peer.prepare(scenes)
@@ -82,9 +82,7 @@ def test_batch_refuses_lattices_that_differ_in_their_choices() -> None:
 
 @pytest.mark.parametrize("kind", [Plain, Vectors])
 def test_two_threads_give_the_numbers_of_one(kind: type) -> None:
-    peer = kind.load()
-    if isinstance(peer, Skipped):
-        pytest.skip(peer.reason)
+    peer = loaded(kind)
     states = []
     for threads in (1, 2):
         peer.prepare(scene_with("calibrated"))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench import interrupt_at
 from command_line import assert_refused, tree
 
 from taichi_foam.results.result import Result
@@ -75,11 +76,7 @@ def test_a_series_that_is_interrupted_goes_on(
     original = simulate.run_drops
 
     def cut(*arguments: object, **more: object) -> list[Result]:
-        def press(progress: simulate.Progress) -> None:
-            if progress.finished == 1 and progress.fraction > 0.7:
-                raise KeyboardInterrupt
-
-        return original(*arguments[:2], press, **more)
+        return original(*arguments[:2], interrupt_at(0.7), **more)
 
     with monkeypatch.context() as patched:
         patched.setattr(simulate, "run_drops", cut)

@@ -16,6 +16,7 @@ import pytest
 from command_line import COARSE, assert_refused, tree
 from PIL import Image
 from PIL.GifImagePlugin import GifImageFile
+from processes import without_rights
 
 from taichi_foam import Result, load_scene, run
 from taichi_foam.picture import raster
@@ -213,18 +214,12 @@ def test_a_folder_or_file_in_the_way_is_not_replaced(ask_undrawn: Callable, fold
 @pytest.fixture
 def read_only(stored: Path) -> Iterator[Path]:
     """The run in a folder that may be read but not written to, even by root."""
-    if not hasattr(os, "geteuid"):
-        pytest.skip("needs Unix permissions")
     base = Path(tempfile.mkdtemp(prefix="taichi-foam-test-"))
     folder = Path(shutil.copytree(stored, base / "run"))
     base.chmod(0o755)
     folder.chmod(0o555)
-    root = os.geteuid() == 0
-    if root:  # root may write anywhere, so be nobody for a moment
-        os.seteuid(65534)
-    yield folder
-    if root:
-        os.seteuid(0)
+    with without_rights():
+        yield folder
     folder.chmod(0o755)
     shutil.rmtree(base)
 

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from processes import without_rights
 
 from taichi_foam.errors import UserError
 from taichi_foam.results.files import next_numbered
@@ -268,26 +269,19 @@ def test_proc_and_devices_are_refused() -> None:
         check_output_folder("/", overwrite=True)
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="needs Unix permissions")
 def test_a_folder_without_permission_is_refused() -> None:
     base = Path(tempfile.mkdtemp(prefix="taichi-foam-test-"))
     inside = base / "mine"
     write(inside, "note", "note")
     base.chmod(0o555)
-    root = os.geteuid() == 0
-    try:
-        if root:  # root may write anywhere, so be nobody for a moment
-            os.seteuid(65534)
+    with without_rights():
         with pytest.raises(UserError, match=r"permission denied.*may write"):
             check_output_folder(base / "run")
         with pytest.raises(UserError, match="permission denied"), output_folder(base / "run"):
             pytest.fail("the block must not run")
         with pytest.raises(UserError, match="permission denied"):
             check_output_folder(inside, overwrite=True)
-    finally:
-        if root:
-            os.seteuid(0)
-        base.chmod(0o755)
+    base.chmod(0o755)
     assert contents(base) == {"mine/note": "note"}
     shutil.rmtree(base)
 

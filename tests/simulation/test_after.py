@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import assert_same, small_scene
+from bench import assert_same_run, interrupt_at, small_scene
 
 import taichi_foam as tf
 from taichi_foam.analysis.impact import height_beneath
@@ -19,7 +19,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Base, FlatBlock, Model, Numerics, Output, Wedge
-from taichi_foam.simulation.simulate import Progress, resume, run, run_drops
+from taichi_foam.simulation.simulate import resume, run, run_drops
 
 SAVED = Output(history_interval=5e-5, snapshot_interval=1e-3, film=False)
 # a wedge that breaks and crushes a small block, whose pieces touch, on a floor with friction
@@ -55,12 +55,6 @@ def again(broken: Result) -> Result:
 @pytest.fixture(scope="module")
 def drops() -> list[Result]:
     return run_drops(CUSHION, 3)
-
-
-def assert_equal(one: Result, other: Result) -> None:
-    assert_same(one, other)
-    assert one.run["steps"] == other.run["steps"]
-    assert one.run.get("after") == other.run.get("after")
 
 
 def test_a_run_starts_as_the_one_before_has_ended(broken: Result, again: Result) -> None:
@@ -138,37 +132,29 @@ def test_crushed_foam_stops_a_later_drop_harder(drops: list[Result]) -> None:
 
 def test_a_series_is_run_after_run(drops: list[Result], tmp_path: Path) -> None:
     drops[0].save(tmp_path / "first")
-    assert_equal(run(CUSHION, after=tmp_path / "first"), drops[1])
+    assert_same_run(run(CUSHION, after=tmp_path / "first"), drops[1])
     stored = tf.load(tmp_path / "first")
     assert stored.cushion.sha256 == drops[0].cushion.sha256
-    assert_equal(run(CUSHION, after=stored), drops[1])
+    assert_same_run(run(CUSHION, after=stored), drops[1])
 
 
 def test_an_interrupted_run_after_another_goes_on(
     broken: Result, again: Result, tmp_path: Path
 ) -> None:
-    def press(progress: Progress) -> None:
-        if progress.fraction > 0.4:
-            raise KeyboardInterrupt
-
-    cut = run(BREAKING, press, after=broken, checkpoint=tmp_path)
+    cut = run(BREAKING, interrupt_at(0.4), after=broken, checkpoint=tmp_path)
     assert cut.ending is Ending.INTERRUPTED
     assert cut.cushion is None
     with pytest.raises(UserError, match="unfinished work of another command, with after = "):
         run(BREAKING, checkpoint=tmp_path)
     with pytest.raises(UserError, match="left no block"):
         run(BREAKING, after=cut)
-    assert_equal(resume(tmp_path), again)
+    assert_same_run(resume(tmp_path), again)
 
 
 def test_an_interrupted_series_goes_on_where_it_stopped(
     drops: list[Result], tmp_path: Path
 ) -> None:
-    def press(progress: Progress) -> None:
-        if progress.finished == 1 and progress.fraction > 0.5:
-            raise KeyboardInterrupt
-
-    cut = run_drops(CUSHION, 3, press, checkpoint=tmp_path)
+    cut = run_drops(CUSHION, 3, interrupt_at(0.5), checkpoint=tmp_path)
     assert [result.ending for result in cut] == [Ending.REBOUND, Ending.INTERRUPTED]
     steps: dict[int, int] = {}
     found = run_drops(
@@ -178,7 +164,7 @@ def test_an_interrupted_series_goes_on_where_it_stopped(
     assert 0 < steps[1] < drops[1].run["steps"]
     assert steps[2] == steps[1] + drops[2].run["steps"]
     for one, other in zip(found, drops, strict=True):
-        assert_equal(one, other)
+        assert_same_run(one, other)
 
 
 def test_without_an_impactor_the_block_settles(broken: Result) -> None:

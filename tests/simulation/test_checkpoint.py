@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import bench, small_scene
+from bench import assert_same_run, assert_same_snapshots, bench, interrupt_at, small_scene
 from processes import ENVIRONMENT
 from typer.testing import CliRunner
 
@@ -40,26 +40,6 @@ def impact(velocity: float = 15.0, end: float = 5e-3, **parts: object) -> Scene:
     return small_scene(**{**given, **parts})
 
 
-def interrupt_at(fraction: float) -> Callable[[Progress], None]:
-    def press(progress: Progress) -> None:
-        if progress.fraction >= fraction:
-            raise KeyboardInterrupt
-
-    return press
-
-
-def assert_same(one: Result, other: Result) -> None:
-    for name, column in one.history.items():
-        np.testing.assert_array_equal(column, other.history[name], err_msg=name)
-    assert len(one.snapshots) == len(other.snapshots)
-    for a, b in zip(one.snapshots, other.snapshots, strict=True):
-        for name, values in vars(a).items():
-            np.testing.assert_array_equal(values, getattr(b, name), err_msg=name)
-    assert one.ending == other.ending
-    for key in ("steps", "dt_min_s", "dt_max_s", "max_overlap_m"):
-        assert one.run[key] == other.run[key]
-
-
 @pytest.mark.parametrize("advance", [cpu.advance_fused, cpu.advance_staged])
 def test_a_state_is_all_that_a_lattice_needs(advance: Callable) -> None:
     """Taken, turned into arrays and back, put into a lattice that held something else."""
@@ -80,8 +60,7 @@ def test_a_state_is_all_that_a_lattice_needs(advance: Callable) -> None:
         np.testing.assert_array_equal(transfer.take(loaded.lattice, 0).position, kept.position)
         other = cpu.advance_staged if advance is cpu.advance_fused else cpu.advance_fused
         continued = loaded.step(600, other)
-        for name, values in vars(whole).items():
-            np.testing.assert_array_equal(values, getattr(continued, name), err_msg=name)
+        assert_same_snapshots(whole, continued)
         np.testing.assert_array_equal(loaded.work, work)
 
 
@@ -105,7 +84,7 @@ def test_an_interrupted_run_goes_on_as_if_it_had_not_been(options: str, tmp_path
         assert cut.ending is Ending.INTERRUPTED
         assert len(cut.history["time_s"]) < len(whole.history["time_s"])
     continued = resume(tmp_path)
-    assert_same(whole, continued)
+    assert_same_run(whole, continued)
     assert continued.run["resumed"] == 2
     assert whole.run["resumed"] == 0
 
@@ -135,7 +114,7 @@ def test_runs_of_a_batch_go_on_together_or_alone(tmp_path: Path) -> None:
     assert endings[0] is endings[2] is Ending.INTERRUPTED
     together = run_many(scenes, checkpoint=tmp_path)
     for one, other in zip(alone, together, strict=True):
-        assert_same(one, other)
+        assert_same_run(one, other)
 
 
 def test_checkpoints_come_as_time_goes_by(tmp_path: Path) -> None:
@@ -149,7 +128,7 @@ def test_checkpoints_come_as_time_goes_by(tmp_path: Path) -> None:
     scene = impact(end=0.02)
     run(scene, watch, checkpoint=tmp_path, every=1e-3)
     assert len(set(seen)) > 1
-    assert_same(run(scene), resume(tmp_path))
+    assert_same_run(run(scene), resume(tmp_path))
 
 
 def cut_off(folder: Path) -> Scene:
@@ -217,7 +196,7 @@ def test_what_else_lies_in_the_folder_is_kept(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert (folder / "notes.txt").read_text() == "mine"
     assert not (folder / UNFINISHED).exists()
-    assert_same(Result.load(folder), run(scene))
+    assert_same_run(Result.load(folder), run(scene))
 
 
 def test_a_result_saved_where_its_checkpoint_lies_takes_that_away(tmp_path: Path) -> None:
@@ -227,17 +206,17 @@ def test_a_result_saved_where_its_checkpoint_lies_takes_that_away(tmp_path: Path
         run(scene).save(tmp_path)
     kept = tmp_path / "kept"
     result = run(scene, checkpoint=kept)
-    assert_same(result, run(scene, checkpoint=kept))  # taken from the checkpoint
+    assert_same_run(result, run(scene, checkpoint=kept))  # taken from the checkpoint
     result.save(kept)
     assert UNFINISHED not in os.listdir(kept)
-    assert_same(result, Result.load(kept))  # snapshots that lay on disk can still be read
+    assert_same_run(result, Result.load(kept))  # snapshots that lay on disk can still be read
 
 
 def test_snapshots_in_32_bits_are_those_in_64_rounded(tmp_path: Path) -> None:
     scene = impact(end=1e-3)
     single = scene.with_values(output__snapshot_precision="single")
     exact, held, stored = run(scene), run(single), run(single, checkpoint=tmp_path)
-    assert_same(held, stored)
+    assert_same_run(held, stored)
     for one, other in zip(exact.snapshots, held.snapshots, strict=True):
         assert other.position.dtype == np.float32
         np.testing.assert_array_equal(one.position.astype(np.float32), other.position)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import assert_same, small_scene
+from bench import assert_same, interrupt_at, small_scene
 from rich.console import Console
 from scipy.signal import lsim, lti
 
@@ -22,7 +22,7 @@ from taichi_foam.scene import Base, Block, FlatBlock, Foam, Numerics, Output, Sc
 from taichi_foam.scene.files import scene_to_toml
 from taichi_foam.scene.measured import read_curve
 from taichi_foam.scene.options import Pulse
-from taichi_foam.simulation.simulate import Progress, run
+from taichi_foam.simulation.simulate import run
 from taichi_foam.units import STANDARD_GRAVITY
 
 CURVE = ((0.0, 0.05, 0.3, 0.6, 0.8), (0.0, 0.1e6, 0.12e6, 0.18e6, 0.4e6))
@@ -121,19 +121,20 @@ def half_sine(peak: float, duration: float, points: int = 401) -> Pulse:
     return Pulse(time=time.tolist(), acceleration=(peak * np.sin(np.pi * time / duration)).tolist())
 
 
-SHAKEN = Numerics(end=6e-3, damping_time=0.0)
+def above_a_shaken_floor() -> Scene:
+    """An impactor far above a block that a falling base leaves."""
+    return small_scene(
+        impactor=FlatBlock(width=0.08, mass=0.3, velocity=0.0, gap=1.0),
+        base=Base(kind="floor", friction=0.0, acceleration=half_sine(-2000.0, 5e-3)),
+        numerics=Numerics(end=6e-3, damping_time=0.0),
+        output=FILES,
+    )
 
 
 def test_a_pulse_gives_all_that_is_free_its_integral() -> None:
-    """An impactor far above, and a block that a falling base leaves: in its frame both rise."""
-    pulse = half_sine(-2000.0, 5e-3)
-    scene = small_scene(
-        impactor=FlatBlock(width=0.08, mass=0.3, velocity=0.0, gap=1.0),
-        base=Base(kind="floor", friction=0.0, acceleration=pulse),
-        numerics=SHAKEN,
-        output=FILES,
-    )
-    result = run(scene)
+    """In the frame of the base both impactor and block rise."""
+    scene = above_a_shaken_floor()
+    result, pulse = run(scene), scene.base.acceleration
     given = np.trapezoid(pulse.acceleration, pulse.time)
     assert result.history["velocity_m_s"][-1] == pytest.approx(given, rel=1e-6)
     last = result.snapshots[-1]
@@ -318,18 +319,8 @@ def test_a_crosshead_is_told_in_stress_and_strain(pressed: Result) -> None:
 
 
 def test_an_interrupted_shaken_run_goes_on(tmp_path: Path) -> None:
-    scene = small_scene(
-        impactor=FlatBlock(width=0.08, mass=0.3, velocity=0.0, gap=1.0),
-        base=Base(kind="floor", friction=0.0, acceleration=half_sine(-2000.0, 5e-3)),
-        numerics=SHAKEN,
-        output=FILES,
-    )
-
-    def press(progress: Progress) -> None:
-        if progress.fraction > 0.3:
-            raise KeyboardInterrupt
-
-    run(scene, press, checkpoint=tmp_path)
+    scene = above_a_shaken_floor()
+    run(scene, interrupt_at(0.3), checkpoint=tmp_path)
     assert_same(tf.resume(tmp_path), run(scene))
 
 
