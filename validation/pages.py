@@ -17,6 +17,9 @@ from taichi_foam.simulation.provenance import machine, versions
 
 RESULTS = Path(__file__).parent / "results"
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
+Part = dict[str, Any]
+"""What is kept of a study's runs, by their names."""
+
 MARKS = ("o", "s", "^", "D", "v")
 
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from pages import MARKS, Page, key, panels, percent, table
+from pages import MARKS, Page, Part, key, panels, percent, table
 
 from taichi_foam.picture.style import CYCLE, GREY
 from verification import cantilever
 from verification.beam import THEORIES
 from verification.cantilever import ALL, Strip
-
-Part = dict[str, Any]
 
 METHOD = """A strip, 120 mm wide and sawn from the top into two arms of h = 60 mm, is opened by a
 frictionless cylinder of 20 mm radius that sinks in at 0.125 m/s (0.25 m/s where the crack grows;

@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from pages import MARKS, Page, cell_axis, key, panels, table
+from pages import MARKS, Page, Part, cell_axis, key, panels, table
 
 from taichi_foam.picture.style import CYCLE
 from verification import smooth
 from verification.convergence import CASES, CELLS, KEPT_EVERY, STRENGTHS, Impact, of_cell
-
-Part = dict[str, Any]
 
 NAMES = {"rectangular": "flat", "cylinder": "cylinder", "wedge": "wedge"}
 

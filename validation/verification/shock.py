@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 
 from taichi_foam.errors import RunError
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Base, Block, FlatBlock, Foam, Model, Numerics, Output, Scene
+from taichi_foam.scene import Foam, Numerics, Output, Scene
 from verification.jump import Front, front, locking_stress, precursor, thickness
-from verification.runs import whole
+from verification.runs import DENSITY, PLATE, bar, whole
 
 Array = NDArray[np.float64]
 
-DENSITY = 25.6  # kg/m3
 VISCOSITY = 2.78e6 * 1e-6 / 0.057  # Pa s, Table 6: the damping of the paper's bonds
-PLATE = 1e3  # kg: a bar of 10 mm x 57 mm slows it by less than 5 mm/s
 
 # Not to break: ringing foam behind a front must not tear in a test of its mean.
 _WHOLE: Any = {"tensile_strain": 2.0, "shear_strain": 2.0, "crushed_tensile_stress": 0.0}
@@ -125,30 +123,19 @@ def scene(shock: Shock) -> Scene:
     Densification stiffens within a step in a way that the automatic size does not foresee: fast
     fronts get a shorter one.
     """
-    cell, end = shock.cell, shock.end
-    rows = round(shock.length / cell)
-    return Scene(
-        name=f"Shock, {shock.velocity:g} m/s",
-        block=Block(
-            width=2 * cell,
-            height=shock.length,
-            columns=2,
-            rows=rows,
-            mass_points="cells",
-            density=DENSITY,
-        ),
-        foam=shock.foam,
-        impactor=FlatBlock(
-            width=4 * cell, height=0.02, mass=PLATE, velocity=shock.velocity, friction=0.0
-        ),
-        base=Base(kind="held"),
-        model=Model(self_contact=False),
-        numerics=Numerics(
+    end = shock.end
+    return bar(
+        f"Shock, {shock.velocity:g} m/s",
+        shock.length,
+        shock.cell,
+        shock.foam,
+        shock.velocity,
+        Numerics(
             damping_time=shock.viscosity / shock.foam.youngs_modulus,
             safety=min(shock.safety, 20.0 / shock.velocity),
             end=end,
         ),
-        output=Output(history_interval=end / 1000, snapshot_interval=end / SNAPSHOTS),
+        Output(history_interval=end / 1000, snapshot_interval=end / SNAPSHOTS),
     )
 
 
@@ -160,20 +147,27 @@ def measure(shock: Shock, result: Result) -> Measured:
     time = history["time_s"][steady]
     force = PLATE * history["deceleration_m_s2"][steady] / section
     lost = (history["crushing_J"] + history["damping_J"])[steady] / section
-    late = [each for each in result.snapshots if each.time > SETTLED * shock.end]
-    profiles = np.array([strains(each.position, block.dy) for each in late])
-    places = np.array([place(profile, shock.front, block.dy) for profile in profiles])
+    times, profiles, places = steady_front(shock, result)
     work = force.sum() * section * shock.velocity * np.diff(time).mean()
     return Measured(
         stress=float(force.mean()),
         swing=float(force.std() / force.mean()),
         strain=_behind(profiles, places, block.dy),
-        speed=float(np.polyfit([each.time for each in late], places, 1)[0]),
+        speed=float(np.polyfit(times, places, 1)[0]),
         thickness=_thickness(*mean_profile(profiles, places, block.dy), shock.front),
         dissipated=float((lost[-1] - lost[0]) / shock.dissipated(time[0], time[-1])),
         residual=float(np.abs(history["residual_J"]).max() / work),
         broken=int(history["broken_bonds"][-1]),
     )
+
+
+def steady_front(shock: Shock, result: Result) -> tuple[Array, Array, Array]:
+    """Of the snapshots (n,) in the steady part: times [s], strains (n, rows - 1), places [m]."""
+    dy, late = result.scene.block.dy, SETTLED * shock.end
+    snapshots = [each for each in result.snapshots if each.time > late]
+    profiles = np.array([strains(each.position, dy) for each in snapshots])
+    places = np.array([place(profile, shock.front, dy) for profile in profiles])
+    return np.array([each.time for each in snapshots]), profiles, places
 
 
 def strains(position: Array, dy: float) -> Array:
@@ -232,10 +226,8 @@ def compute(shock: Shock) -> dict[str, object]:
     except RunError as error:
         return {"failed": str(error)}
     theory = shock.front
-    late = [each for each in result.snapshots if each.time > SETTLED * shock.end]
-    profiles = np.array([strains(each.position, shock.cell) for each in late])
-    places = np.array([place(profile, theory, shock.cell) for profile in profiles])
-    distance, strain = mean_profile(profiles, places, shock.cell)
+    _, profiles, places = steady_front(shock, result)
+    distance, strain = mean_profile(profiles, places, result.scene.block.dy)
     kept = np.abs(distance) < PROFILE_REACH
     return {
         "measured": asdict(measure(shock, result)),

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from pages import MARKS, Page, cell_axis, key, panels, percent, table
+from pages import MARKS, Page, Part, cell_axis, key, panels, percent, table
 
 from taichi_foam.picture.style import CYCLE, GREY, INK
 from verification import shock
 from verification.shock import DENSITY, FOAMS, VELOCITIES, Shock
-
-Part = dict[str, Any]
 
 METHOD = """A bar of foam 1.5 m long, in cells of 5 mm and two columns wide, stands on a support; a
 plate of 1 t hits it. The contact force, averaged over the steady part, is the stress behind the

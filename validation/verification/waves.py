@@ -18,39 +18,24 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import erfcinv, itairy
 
-from taichi_foam.scene import Base, Block, FlatBlock, Foam, Model, Numerics, Output, Scene
-from verification.runs import whole
+from taichi_foam.scene import Foam, Numerics, Output, Scene
+from verification.runs import DENSITY, bar, whole
 
 CELLS = (0.010, 0.005, 0.0025, 0.00125)  # m
 LENGTH = 1.0  # m
 TIME = 2e-3  # s: the front has come 0.66 m
 DAMPING_TIME = 1e-6 / 0.057  # s, Table 6
 TAP = 0.1  # m/s: strains of 3e-4
-FOAM, DENSITY = Foam(), 25.6
+FOAM = Foam()
 SOUND = math.sqrt(FOAM.youngs_modulus / DENSITY)
 HIGH, LOW = 0.9, 0.1  # levels of v / v0 between which the front is as wide as it is
 
 
 def scene(cell: float, damping_time: float) -> Scene:
-    """A bar, two columns wide, that a heavy plate taps."""
-    rows = round(LENGTH / cell)
-    return Scene(
-        name="Tap",
-        block=Block(
-            width=2 * cell,
-            height=LENGTH,
-            columns=2,
-            rows=rows,
-            mass_points="cells",
-            density=DENSITY,
-        ),
-        foam=FOAM,
-        impactor=FlatBlock(width=4 * cell, height=0.02, mass=1e3, velocity=TAP, friction=0.0),
-        base=Base(kind="held"),
-        model=Model(self_contact=False),
-        numerics=Numerics(damping_time=damping_time, end=TIME),
-        output=Output(history_interval=TIME / 10, snapshot_interval=TIME),
-    )
+    """A bar that is tapped."""
+    numerics = Numerics(damping_time=damping_time, end=TIME)
+    output = Output(history_interval=TIME / 10, snapshot_interval=TIME)
+    return bar("Tap", LENGTH, cell, FOAM, TAP, numerics, output)
 
 
 def compute(bar: tuple[float, float]) -> dict[str, float]:

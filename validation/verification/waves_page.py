@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pages import MARKS, Page, cell_axis, key, panels, percent, table
+from pages import MARKS, Page, Part, cell_axis, key, panels, percent, table
 
 from taichi_foam.picture.style import CYCLE, INK
 from verification import waves
-
-Part = dict[str, Any]
 
 METHOD = """A heavy plate taps a bar of 1 m at 0.1 m/s; 2 ms later the front has come c t = 0.66 m,
 c = sqrt(K / rho) = 330 m/s. Without dashpots its place is where v = v0 / 3 and its width that of
