@@ -59,8 +59,8 @@ def show_command(
             *foam_files.known(file),
             *foam_files.constants(file),
             *foam_files.landmarks(file.foam),
-            *foam_files.derived(file),
-            *foam_files.assumed(file, file.assumed),
+            *foam_files.origins(file, file.derived, "derived"),
+            *foam_files.origins(file, file.assumed, "assumed"),
         )
 
 
@@ -181,7 +181,7 @@ def import_command(
             *foam_files.what_was_read(path, read),
             *([] if returned is None else [foam_files.in_words(returned, read.curve.tested)]),
             *foam_files.from_the_curve(file.foam, fit),
-            *foam_files.assumed(file, file.assumed),
+            *foam_files.origins(file, file.assumed, "assumed"),
         )
         terminal.warn(foam_files.doubts(file.foam, fit))
         terminal.line(f"in {targets[0].parent}: {targets[0].name}, {targets[1].name}")
@@ -211,4 +211,4 @@ def assumed_command(
         scene = load_scene(folder / "scene.toml" if os.path.isdir(folder) else source)
         if not scene.assumed:
             terminal.show("no value of the foam is assumed")
-        terminal.show(*foam_files.assumed(scene, scene.assumed or ()))
+        terminal.show(*foam_files.origins(scene, scene.assumed or (), "assumed"))

@@ -13,6 +13,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from taichi_foam.cli.outcome import columns
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.by_curve import CurveFoam
@@ -52,7 +53,7 @@ _NOISY = 1.3
 
 def library() -> Table:
     """The foams of which the library has values, by name."""
-    table = _table("name", ">kg/m3", ">plateau")
+    table = columns("name", ">kg/m3", ">plateau", header_style="dim")
     table.add_column("description")
     for name in listed():
         file = foam_of(name)
@@ -91,7 +92,7 @@ def constants(file: FoamFile) -> Iterator[RenderableType]:
     foam = file.foam
     assumed = {each.key for each in file.assumed}
     derived = {each.key for each in file.derived}
-    table = _table(f"law {foam.law}", ">", "unit", "")
+    table = columns(f"law {foam.law}", ">", "unit", "", header_style="dim")
     table.add_column("meaning")
     for key, field in type(foam).model_fields.items():
         if key in ("law", "source"):
@@ -127,45 +128,26 @@ def landmarks(foam: BondFoam) -> Iterator[RenderableType]:
         "breaks in tension, once crushed": _percent(marks.crushed_tensile),
         "breaks in shear": _percent(marks.shear),
     }
-    table = _table("landmarks", ">")
+    table = columns("landmarks", ">", header_style="dim")
     for row in rows.items():
         table.add_row(*row)
     yield table
     yield Text()
 
 
-def derived(file: FoamFile) -> Iterator[RenderableType]:
-    """The values of a foam file that follow from measured ones, and how."""
-    yield from _origins(file, file.derived, "derived")
-
-
-def assumed(whole: FoamFile | Scene, entries: Sequence[Origin]) -> Iterator[RenderableType]:
-    """The unmeasured values of a foam, each with the assumed value in `whole`."""
-    yield from _origins(whole, entries, "assumed")
-
-
-def _origins(
+def origins(
     whole: FoamFile | Scene, entries: Sequence[Origin], head: str
 ) -> Iterator[RenderableType]:
-    """A table of values in `whole`, with the reason for each."""
+    """A table of values in `whole` that were not measured, with the reason for each; or nothing."""
     if not entries:
         return
-    table = _table(head, ">", "unit")
+    table = columns(head, ">", "unit", header_style="dim")
     table.add_column("why")
     for each in entries:
         value, unit = _value(whole, each.key)
         table.add_row(Text(each.key), value, unit, Text(each.why))
     yield table
     yield Text()
-
-
-def _table(*heads: str) -> Table:
-    """A table of narrow columns with these headers; a leading > right-aligns the column."""
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for head in heads:
-        right = head.startswith(">")
-        table.add_column(head.removeprefix(">"), justify="right" if right else "left", no_wrap=True)
-    return table
 
 
 def _value(whole: FoamFile | Scene, key: str) -> tuple[str, str]:
@@ -393,7 +375,7 @@ def from_the_curve(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType
     """Values that follow from the curve, beside those of Eq. 26 fitted to it."""
     assert isinstance(foam, CurveFoam)
     fitted, marks, theirs = fit.foam, foam.landmarks, fit.foam.landmarks
-    table = _table("", ">from the curve", ">Eq. 26 fitted")
+    table = columns("", ">from the curve", ">Eq. 26 fitted", header_style="dim")
     beyond = "not tested"
     rows = [
         (

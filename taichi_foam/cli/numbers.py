@@ -18,12 +18,11 @@ if TYPE_CHECKING:
     from taichi_foam.cushions.shown import Units
 
 _KINDS = {
-    "length": LENGTH_UNITS, "height": LENGTH_UNITS, "area": AREA_UNITS, "mass": MASS_UNITS,
-    "stress": STRESS_UNITS, "velocity": VELOCITY_UNITS,
+    "length": (LENGTH_UNITS, "50"), "height": (LENGTH_UNITS, "0.76"), "area": (AREA_UNITS, "400"),
+    "mass": (MASS_UNITS, "5"), "stress": (STRESS_UNITS, "4"), "velocity": (VELOCITY_UNITS, "2.5"),
 }  # fmt: skip
-_SUCH = {
-    "length": "50", "height": "0.76", "area": "400", "mass": "5", "stress": "4", "velocity": "2.5",
-}  # fmt: skip
+"""Units of a kind, and a number for messages."""
+
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(.*?)\s*", re.IGNORECASE)
 
 
@@ -49,13 +48,13 @@ def number(option: str, text: str, kind: str, used: Units) -> float:
 
 
 def _number(option: str, text: str, word: str, kind: str, used: Units) -> float:
-    known = _KINDS[kind]
+    known, example = _KINDS[kind]
     match = _NUMBER.fullmatch(word)
     unit = match[2].lower() if match else ""
     if match is None or (unit and unit not in known):
         raise UserError(
             f"{option} {text}: {word.strip()!r} is no number with or without a unit. Fix: a number "
-            f"in {used.unit(kind)}, such as {_SUCH[kind]}, or with a unit ({', '.join(known)})"
+            f"in {used.unit(kind)}, such as {example}, or with a unit ({', '.join(known)})"
         )
     value = float(match[1])
     if value <= 0.0:

@@ -11,6 +11,7 @@ from typing import Any
 
 import typer
 from rich.console import Console, RenderableType
+from rich.table import Table
 from rich.text import Text
 
 from taichi_foam.errors import LongRunWarning, RunError, RunWarning, SceneNote, UserError
@@ -57,6 +58,15 @@ class Terminal:
         names = [name for name in os.listdir(folder) if name not in (UNFINISHED, MANIFEST)]
         names.sort(key=lambda n: (order.index(n) if n in order else 99, n))
         self.line(f"in {folder}: {', '.join(names)}")
+
+
+def columns(*heads: str, **style: Any) -> Table:
+    """A table of narrow columns without lines; a leading > in a head right-aligns its column."""
+    table = Table(box=None, pad_edge=False, **style)
+    for head in heads:
+        right = head.startswith(">")
+        table.add_column(head.removeprefix(">"), justify="right" if right else "left", no_wrap=True)
+    return table
 
 
 @contextlib.contextmanager

@@ -12,6 +12,7 @@ from rich.text import Text
 from taichi_foam.analysis import measures as q
 from taichi_foam.analysis.measures import Quantity, shown_in
 from taichi_foam.catalogue import reference_of, title
+from taichi_foam.cli.outcome import columns
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import (
@@ -44,12 +45,7 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
     reference = reference_of(scene)
     case = comparison(scene.name, reference, summary)
     known = reference is not None
-    table = _table(title(scene))
-    table.add_column("", no_wrap=True)
-    table.add_column("simulated", justify="right", no_wrap=True)
-    if known:
-        table.add_column("measured", justify="right", no_wrap=True)
-        table.add_column("error", justify="right", no_wrap=True)
+    table = _table(title(scene), "", ">simulated", *((">measured", ">error") if known else ()))
     table.add_column("unit", style="dim", no_wrap=True)
     for quantity in shown_in("run"):
         value, measured = summary[quantity.key], case["measured"][quantity.key]
@@ -66,9 +62,8 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
 
 def drops(results: Sequence[Result]) -> Table:
     """The figures of drops on one block, one row each; fits 80 columns."""
-    table = _table(f"{results[0].scene.name}: drops on one block")
-    for words in ("drop", *_OF_DROPS.values(), ""):
-        table.add_column(words, justify="right", no_wrap=True)
+    heads = (f">{words}" for words in ("drop", *_OF_DROPS.values(), ""))
+    table = _table(f"{results[0].scene.name}: drops on one block", *heads)
     for result in results:
         found = result.summary
         texts = [each.text(found[each.key]) for each in _OF_DROPS]
@@ -89,12 +84,10 @@ def study(content: Mapping[str, Any]) -> Table:
     tolerance = f"{100 * content['tolerance']:.0f} %"
     ensemble = content["ensemble"]
     what = "simulated" if ensemble is None else f"median of {_runs(content['cases'])}"
-    table = _table(f"{what}, and its error ({content['choices']})")
+    heads = (f">{quantity.name}\n{quantity.unit}" for quantity in JUDGED)
+    table = _table(f"{what}, and its error ({content['choices']})", "", *heads)
     table.caption = f"* a miss: more than {tolerance} from the measured figure"
     table.caption_justify = "left"
-    table.add_column("", no_wrap=True)
-    for quantity in JUDGED:
-        table.add_column(f"{quantity.name}\n{quantity.unit}", justify="right", no_wrap=True)
     for case in content["cases"]:
         cells = [_judged(case, quantity) for quantity in JUDGED]
         changed = "" if case["test"] else ", changed"
@@ -114,10 +107,8 @@ def study(content: Mapping[str, Any]) -> Table:
 def scores(content: Mapping[str, Any]) -> Table:
     """The scores of an ensemble: duration, displacement and plateau together."""
     ensemble, tolerance = content["ensemble"], f"{100 * content['tolerance']:.0f} %"
-    table = _table("durations, displacements, plateaus")
-    table.add_column("", no_wrap=True)
-    table.add_column(f"within {tolerance}", justify="right", no_wrap=True)
-    table.add_column("median absolute error", justify="right", no_wrap=True)
+    heads = ("", f">within {tolerance}", ">median absolute error")
+    table = _table("durations, displacements, plateaus", *heads)
     for key, words in (("all", "all tests"), ("fitted", "fitted"), ("held_out", "held out")):
         found = ensemble[key]
         error = found["median_absolute_error"]
@@ -136,10 +127,8 @@ def criteria(content: Mapping[str, Any]) -> Table | Text:
         return Text(words, style="bold")
     table, many = _table(words), content["ensemble"] is not None
     table.add_column("not met")
-    table.add_column("median" if many else "value", justify="right", no_wrap=True)
-    table.add_column("allowed", justify="right", no_wrap=True)
-    if many:
-        table.add_column("runs", justify="right", no_wrap=True)
+    for head in ("median", "allowed", "runs") if many else ("value", "allowed"):
+        table.add_column(head, justify="right", no_wrap=True)
     for each in missed:
         name = "" if each["case"] is None else f"{each['case'].removeprefix('paper/')}: "
         runs = [f"{each['met']} of {each['of']}"] if many else []
@@ -176,8 +165,8 @@ def _judged(case: Mapping[str, Any], quantity: Quantity) -> Text:
     return Text(f"{quantity.text(case['simulated'][quantity.key])} {shown}", style)
 
 
-def _table(words: str | None) -> Table:
-    return Table(title=words, title_justify="left", title_style="bold", box=None, pad_edge=False)
+def _table(words: str | None, *heads: str) -> Table:
+    return columns(*heads, title=words, title_justify="left", title_style="bold")
 
 
 def _error(case: Mapping[str, Any], key: str) -> Text:
