@@ -377,9 +377,9 @@ def _check_target(target: Path, overwrite: bool, request: Mapping[str, Any]) -> 
     if before is not None and before != request and not overwrite:
         raise UserError(
             f"output folder {target}: holds the unfinished work of another command, with "
-            f"{_difference(before, request)}. Fix: finish it with the command that began it (or, "
-            "for a run, with taichi-foam resume), choose another folder, or pass overwrite=True "
-            "to discard it.",
+            f"{differences(before, request)[0]}. Fix: finish it with the command that began it "
+            "(or, for a run, with taichi-foam resume), choose another folder, or pass "
+            "overwrite=True to discard it.",
             argument="overwrite=True",
         )
     others = sorted(path.name for path in target.iterdir() if not _is_litter(path))
@@ -405,10 +405,18 @@ def _is_litter(path: Path) -> bool:
     return names <= {LOCK} or _request(path.parent) is not None
 
 
-def _difference(before: Mapping[str, Any], request: Mapping[str, Any]) -> str:
-    """The first value in which a request differs from the earlier one."""
-    key = next(key for key in sorted({*before, *request}) if before.get(key) != request.get(key))
-    return f"{key} = {before.get(key)!r} instead of {request.get(key)!r}"
+def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """In what two tables of values by key differ: "KEY = 1 instead of 2"; long values are cut."""
+
+    def word(table: Mapping[str, Any], key: str) -> str:
+        text = repr(table.get(key))
+        return text if len(text) <= 60 else f"{text[:57]}..."
+
+    return [
+        f"{key} = {word(before, key)} instead of {word(now, key)}"
+        for key in {**before, **now}
+        if before.get(key) != now.get(key)
+    ]
 
 
 def _tidy(target: Path, request: Mapping[str, Any]) -> None:

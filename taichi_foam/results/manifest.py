@@ -13,25 +13,25 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable
 from pathlib import Path, PurePosixPath
+from typing import Literal, TypeVar
+
+from pydantic import BaseModel, field_validator
 
 from taichi_foam.results.files import whole_file, write_json
 from taichi_foam.version import version
 
 MANIFEST = "manifest.json"
 
-_PROGRAM = "taichi_foam"
+_Names = TypeVar("_Names", bound=Collection[str])
 
 
-@dataclass(frozen=True)
-class Entry:
+class Entry(BaseModel, frozen=True):
     """One file as it was written: its size (bytes) and SHA-256."""
 
-    size: int
+    bytes: int
     sha256: str
 
     @classmethod
@@ -41,60 +41,57 @@ class Entry:
         with path.open("rb") as file:
             while block := file.read(1 << 20):
                 digest.update(block)
-            return cls(file.tell(), digest.hexdigest())
+            return cls(bytes=file.tell(), sha256=digest.hexdigest())
 
     def fits(self, path: Path) -> bool:
         """Whether the file exists and is unchanged."""
         try:
-            if path.is_symlink() or path.stat().st_size != self.size:
+            if path.is_symlink() or path.stat().st_size != self.bytes:
                 return False
             return Entry.of(path) == self
         except OSError:
             return False
 
 
-@dataclass(frozen=True)
-class Manifest:
+class Manifest(BaseModel, frozen=True):
     """The files of a folder, by relative path, and its subfolders that have their own manifests."""
 
-    files: dict[str, Entry] = field(default_factory=dict)
+    program: Literal["taichi_foam"] = "taichi_foam"
+    files: dict[str, Entry] = {}
     folders: frozenset[str] = frozenset()
+
+    @field_validator("files", "folders")
+    @classmethod
+    def _are_inside(cls, names: _Names) -> _Names:
+        """Listed paths lie within the folder: a manifest must not reach elsewhere."""
+        for path in map(PurePosixPath, names):
+            if not path.parts or path.is_absolute() or ".." in path.parts:
+                raise ValueError("outside of the folder")
+        return names
 
     @classmethod
     def read(cls, folder: Path, name: str = MANIFEST) -> Manifest | None:
         """The manifest of `folder`; None if it is missing, damaged, or of another program."""
         try:
-            found = json.loads((folder / name).read_text(encoding="utf-8"))
-            if found["program"] != _PROGRAM:
-                return None
-            files = {
-                str(name): Entry(int(entry["bytes"]), str(entry["sha256"]))
-                for name, entry in found["files"].items()
-            }
-            folders = frozenset(map(str, found["folders"]))
-        except (
-            OSError, ValueError, OverflowError, KeyError, TypeError, AttributeError, RecursionError,
-        ):  # fmt: skip
+            return cls.model_validate_json((folder / name).read_bytes())
+        except (OSError, ValueError):
             return None
-        return cls(files, folders) if all(map(_is_inside, (*files, *folders))) else None
 
     @classmethod
     def of(cls, folder: Path) -> Manifest:
         """A manifest of what is in `folder` now. Raises OSError."""
         files, folders = _contents(folder)
-        return cls({name: Entry.of(folder / name) for name in files}, frozenset(folders))
+        entries = {name: Entry.of(folder / name) for name in files}
+        return cls(files=entries, folders=frozenset(folders))
 
     def __or__(self, other: Manifest) -> Manifest:
-        return Manifest({**self.files, **other.files}, self.folders | other.folders)
+        return Manifest(files=self.files | other.files, folders=self.folders | other.folders)
 
     def write(self, folder: Path, name: str = MANIFEST) -> None:
         """Write it into `folder`. Raises OSError."""
-        entries = {
-            name: {"bytes": entry.size, "sha256": entry.sha256}
-            for name, entry in sorted(self.files.items())
-        }
+        entries = {name: entry.model_dump() for name, entry in sorted(self.files.items())}
         content = {
-            "program": _PROGRAM, "version": version(), "files": entries,
+            "program": self.program, "version": version(), "files": entries,
             "folders": sorted(self.folders),
         }  # fmt: skip
         with whole_file(folder / name) as partial:
@@ -142,7 +139,7 @@ def add(folder: Path, names: Iterable[str]) -> None:
     for name in names:
         path = folder / name
         if not path.is_dir():
-            manifest |= Manifest({name: Entry.of(path)})
+            manifest |= Manifest(files={name: Entry.of(path)})
         elif (path / MANIFEST).is_file():
             manifest |= Manifest(folders=frozenset([name]))
     manifest.write(folder)
@@ -161,9 +158,3 @@ def _contents(folder: Path) -> tuple[list[str], list[str]]:
         files += [f"{path.name}/{name}" for name in inner[0]]
         folders += [f"{path.name}/{name}" for name in inner[1]] or ([] if inner[0] else [path.name])
     return files, folders
-
-
-def _is_inside(name: str) -> bool:
-    """Whether a listed path lies within the folder; a manifest must not reach elsewhere."""
-    path = PurePosixPath(name)
-    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taichi_foam.analysis.impact import height_beneath
 from taichi_foam.errors import UserError
 from taichi_foam.records.cushion import Cushion
+from taichi_foam.results.folders import differences
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.scene.filling import filling
@@ -167,17 +168,13 @@ def _settled(scene: Scene, cushion: Cushion, left: Mapping[str, Array]) -> Array
 
 def _differences(before: Scene, scene: Scene) -> list[str]:
     """The differences of two scenes in the parts that must be the same."""
-    there, here = (by_key(each.model_dump(include={*SAME})) for each in (before, scene))
-    keys = [
-        key
-        for key in {**there, **here}
-        if there.get(key) != here.get(key)
-        and not key.startswith(("base.acceleration", "base.pulse", "start.wait"))
-    ]
-    found = [f"{key} = {_word(there.get(key))} instead of {_word(here.get(key))}" for key in keys]
+    there, here = (
+        {
+            key: value
+            for key, value in by_key(each.model_dump(include={*SAME})).items()
+            if not key.startswith(("base.acceleration", "base.pulse", "start.wait"))
+        }
+        for each in (before, scene)
+    )
+    found = differences(there, here)
     return found if len(found) < 4 else [*found[:3], f"and {len(found) - 3} more"]
-
-
-def _word(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from taichi_foam.engine.state import RUNNING, State
 from taichi_foam.errors import UserError
 from taichi_foam.results.files import whole_file
-from taichi_foam.results.folders import UNFINISHED, request_in
+from taichi_foam.results.folders import UNFINISHED, differences, request_in
 from taichi_foam.results.manifest import Manifest
 from taichi_foam.results.snapshot_file import SnapshotFile
 from taichi_foam.scene import Scene
@@ -215,11 +215,10 @@ class Checkpoints:
             return None
         found = Checkpoint.load(folder)
         if found.scene != scene:
-            there, here = by_key(found.scene.model_dump()), by_key(scene.model_dump())
-            key = next(key for key in {**there, **here} if there.get(key) != here.get(key))
+            first, *_ = differences(by_key(found.scene.model_dump()), by_key(scene.model_dump()))
             raise UserError(
-                f"{folder / CHECKPOINT}: belongs to another scene, with {key} = {there.get(key)!r} "
-                f"instead of {here.get(key)!r}. Fix: choose another folder, or remove the file."
+                f"{folder / CHECKPOINT}: belongs to another scene, with {first}. Fix: choose "
+                "another folder, or remove the file."
             )
         states = [told and told["state_sha256"] for told in (found.after, after and after.told)]
         if states[0] != states[1]:
