@@ -1,9 +1,9 @@
 """Other programs that take the same Runge-Kutta step, to time the engine against.
 
-    peer = Plain.load()               # or a false `Skipped` with a reason: not installed
+    peer = Plain.load()               # or `Skipped` with a reason: not installed
     peer.prepare(scene)
     peer.advance(steps, threads=1)
-    peer.state()                      # positions, velocities, impactor, time, ledger
+    peer.state()                      # positions, impactor, time, ledger
 
 Plain, Vectors and Numba compute what the engine computes without contact of pieces, Vectors with
 room and softening where asked (`check`). Batch is a prototype, with many lattices side by side:

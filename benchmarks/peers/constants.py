@@ -94,12 +94,10 @@ class Case:
 
 @dataclass(frozen=True)
 class State:
-    """Where a peer stands; units SI, y and velocities upwards."""
+    """Where a peer stands; units SI, y upwards."""
 
     position: np.ndarray  # (columns, rows, 2)
-    velocity: np.ndarray  # (columns, rows, 2)
     impactor_y: float
-    impactor_v: float
     time: float
     step: float
     broken: int
@@ -111,15 +109,12 @@ WORKS = ("bonds", "shear", "dashpots", "contact", "friction", "room")
 
 @dataclass(frozen=True)
 class Skipped:
-    """Why a peer cannot take part, in one line. It is false, so that `if peer:` reads well.
+    """Why a peer cannot take part, in one line.
 
     Only what is not installed is skipped; anything else that goes wrong is an error.
     """
 
     reason: str
-
-    def __bool__(self) -> bool:
-        return False
 
 
 def case_of(scene: Scene, known: Features = RATE_ONLY) -> Case:

@@ -144,7 +144,7 @@ class Lammps:
             script, dump = Path(folder, "in.lattice"), Path(folder, "nodes.txt")
             ending = (
                 f"run {steps // 10}\nrun {steps}\n"
-                f"write_dump all custom {dump} id x y vx vy modify sort id format float %.17g\n"
+                f"write_dump all custom {dump} id x y modify sort id format float %.17g\n"
             )
             script.write_text(self._script + ending, encoding="utf-8")
             answer = self._run(["-in", str(script), "-log", "none"], LONGEST)
@@ -156,12 +156,10 @@ class Lammps:
         self.nanoseconds = 1e9 * seconds / taken / math.prod(self._shape)
         columns, rows = self._shape
         # nodes are created along x first
-        values = nodes.reshape(rows, columns, 4).swapaxes(0, 1)
+        position = nodes.reshape(rows, columns, 2).swapaxes(0, 1)
         self._state = State(
-            position=values[..., :2].copy(),
-            velocity=values[..., 2:].copy(),
+            position=position.copy(),
             impactor_y=math.nan,
-            impactor_v=math.nan,
             time=(steps + steps // 10) * TIME_STEP,
             step=TIME_STEP,
             broken=0,

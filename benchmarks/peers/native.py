@@ -175,12 +175,10 @@ class Batch(_Native):
 
 
 def _state(nodes: np.ndarray, summary: np.ndarray) -> State:
-    time, step, y, v, broken, *works = summary.tolist()
+    time, step, y, _, broken, *works = summary.tolist()
     return State(
         position=nodes[..., :2].copy(),
-        velocity=nodes[..., 2:].copy(),
         impactor_y=y,
-        impactor_v=v,
         time=time,
         step=step,
         broken=int(broken),

@@ -75,9 +75,7 @@ class Numba:
         works = self._column[:, self._kernels.WORK :].sum(axis=0)
         return State(
             position=nodes[..., :2].copy(),
-            velocity=nodes[..., 2:].copy(),
             impactor_y=float(self._body[self._kernels.Y]),
-            impactor_v=float(self._body[self._kernels.V]),
             time=float(self._clock[self._kernels.TIME]),
             step=float(self._clock[self._kernels.STEP]),
             broken=int(self._clock[self._kernels.BROKEN]),

@@ -13,9 +13,7 @@ from taichi_foam.cli.outcome import command
 from taichi_foam.cli.replay import Job, deliver
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from rich.table import Table
+    from collections.abc import Callable
 
     from taichi_foam.cushions.efficiency import Efficiency
 
@@ -41,32 +39,20 @@ def efficiency_command(
 ) -> None:
     """Show where foams absorb energy best: efficiency, ideality, onset of densification."""
     with command() as terminal:
+        from taichi_foam.cli import tables
         from taichi_foam.cushions.efficiency import efficiency
         from taichi_foam.cushions.efficiency_chart import EXPLAINED, choice, landmarks
         from taichi_foam.cushions.shown import units_named
+        from taichi_foam.picture.document import Table
 
         system = units_named(units)
         found = efficiency(*foams)
         if out is not None:
             deliver(_jobs(found, units), out, overwrite, terminal)
-        terminal.show(_table(*landmarks(found.foams, system)), EXPLAINED)
+        terminal.show(tables.reported(Table(*landmarks(found.foams, system))), EXPLAINED)
         if len(foams) > 1:
-            terminal.show("", _table(*choice(found, system)))
+            terminal.show("", tables.reported(Table(*choice(found, system))))
         terminal.warn(found.caveats, "note")
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """A table whose heads have their units on a second line."""
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for words in head:
-        above, _, unit = words.partition(" (")
-        justify = "left" if words == head[0] else "right"
-        table.add_column(f"{above}\n{unit.rstrip(')')}", justify=justify, overflow="fold")
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def _jobs(found: Efficiency, units: str) -> list[Job]:

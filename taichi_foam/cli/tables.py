@@ -141,7 +141,7 @@ def reported(found: document.Table, words: str | None = None) -> Table:
     table = _table(words)
     for place, head in enumerate(found.head):
         justify = "left" if place == 0 or found.is_text else "right"
-        table.add_column(head.replace(" (", "\n("), justify=justify)
+        table.add_column(head.replace(" (", "\n("), justify=justify, overflow="fold")
     for row in found.rows:
         table.add_row(*map(escape, row))
     return table
