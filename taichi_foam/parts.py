@@ -70,7 +70,8 @@ class Part(BaseModel):
         for name, value in super().__repr_args__():
             field = type(self).model_fields.get(name or "")
             if field is None or (name in self.model_fields_set and value != field.default):
-                yield name, _Told(value) if _is_long(value) else value
+                is_long = isinstance(value, tuple) and len(value) > MOST_SHOWN
+                yield name, _Told(value) if is_long else value
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse to change a value, and say how to make a changed scene."""
@@ -120,10 +121,6 @@ class _Told:
         if not all(isinstance(each, int | float) for each in self._values):
             return f"<{count} values>"
         return f"<{count} numbers, {min(self._values):g} to {max(self._values):g}>"
-
-
-def _is_long(value: Any) -> bool:
-    return isinstance(value, tuple) and len(value) > MOST_SHOWN
 
 
 def quantity(
@@ -218,7 +215,7 @@ def described(field: FieldInfo) -> str:
     return f"{field.description or ''}{f' [{unit}]' if unit else ''}"
 
 
-class Registry(Mapping[str, type[Kind]], Generic[Kind]):
+class Registry(dict[str, type[Kind]], Generic[Kind]):
     """Classes of one kind by their tag, the word by which a scene selects one.
 
     tag       name of the field with the tag, a Literal in each class
@@ -230,45 +227,30 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
     def __init__(self, tag: str, meaning: str, default: str | None = None) -> None:
         self.tag, self.meaning, self.default = tag, meaning, default
         self.watchers: list[Callable[[], object]] = []
-        self._kinds: dict[str, type[Kind]] = {}
 
     def register(self, kind: type[Kind]) -> type[Kind]:
         """Add a class, or replace the one with its tag; returns it, for use as a decorator."""
-        self._kinds[kind.model_fields[self.tag].default] = kind
+        self[kind.model_fields[self.tag].default] = kind
         for watcher in self.watchers:
             watcher()
         return kind
 
     def remove(self, tag: str) -> None:
         """Remove a class."""
-        del self._kinds[tag]
+        del self[tag]
         for watcher in self.watchers:
             watcher()
 
     __hash__ = object.__hash__  # type: ignore[assignment]  # one registry per kind
-
-    def __getitem__(self, tag: str) -> type[Kind]:
-        return self._kinds[tag]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._kinds)
-
-    def __len__(self) -> int:
-        return len(self._kinds)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
         """As metadata of a field: a union of all classes, discriminated by their tag."""
         return core_schema.tagged_union_schema(
-            {tag: handler.generate_schema(kind) for tag, kind in self._kinds.items()},
+            {tag: handler.generate_schema(kind) for tag, kind in self.items()},
             discriminator=self.tag_of,
         )
-
-    @staticmethod
-    def _implies(kind: type[Part], value: Mapping[str, Any]) -> bool:
-        """Whether a table has the key that implies this class."""
-        return getattr(kind, "implied_by", None) in value
 
     def kind_of(self, value: Any) -> type[Kind] | None:
         """The class of a table or an instance; None if it has none."""
@@ -281,6 +263,6 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
             return getattr(value, self.tag, None)
         tag = value.get(self.tag)
         if tag is None:
-            implied = (name for name, kind in self._kinds.items() if self._implies(kind, value))
+            implied = (n for n, kind in self.items() if getattr(kind, "implied_by", None) in value)
             tag = next(implied, self.default)
         return tag if tag is None or isinstance(tag, str) else ""  # a tag that no class has

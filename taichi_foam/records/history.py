@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -220,12 +220,6 @@ class History(dict[str, Array]):
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self]
-
-    def _ipython_key_completions_(self) -> list[str]:
-        return list(self)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (dict(self),)
 
     def __repr__(self) -> str:
         rows = len(self["time_s"])

@@ -82,7 +82,6 @@ def test_columns_are_attributes_that_can_be_completed(make_result) -> None:
     history = make_result(velocity_m_s=3.0).history
     assert history.velocity_m_s is history["velocity_m_s"]
     assert {*HISTORY_COLUMNS, "units", "to_pandas"} <= set(dir(history))
-    assert history._ipython_key_completions_() == list(HISTORY_COLUMNS)
     with pytest.raises(AttributeError, match="no column 'speed'; it has time_s, displacement_m"):
         _ = history.speed
     assert history.units["deceleration_m_s2"] == "m/s²"
