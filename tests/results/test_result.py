@@ -29,8 +29,8 @@ READ_BACK = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
 FILES = sorted(["cracks.json", "manifest.json", *READ_BACK])
 
 
-def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, count: int = 3):
-    """Every number has all its digits; some are awkward."""
+def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5) -> Result:
+    """Fifty rows, three snapshots. Every number has all its digits; some are awkward."""
     rng = np.random.default_rng(1)
     block = Block(columns=columns, rows=rows)
     scene = Scene(
@@ -42,7 +42,7 @@ def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, co
     values["strain_J"][:5] = [math.nan, -0.0, np.finfo(float).tiny, 1.7e308, 1 / 3]
     values["broken_bonds"] = np.arange(50.0)
     snapshots = []
-    for n in range(count):
+    for n in range(3):
         broken = [(i, j) for i in range(columns - 1) for j in range(rows) if (i + j + n) % 3 == 0]
         shape = (columns, rows, 2)
         snapshots.append(
@@ -63,6 +63,17 @@ def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5, co
     return make_result(scene, t, snapshots, run, **values)
 
 
+@pytest.fixture
+def noisy(make_result, make_snapshot) -> Result:
+    return noisy_result(make_result, make_snapshot)
+
+
+@pytest.fixture
+def saved(noisy: Result, tmp_path: Path) -> Path:
+    """The folder of that result."""
+    return noisy.save(tmp_path / "run")
+
+
 def assert_same(a: Result, b: Result) -> None:
     assert a.scene == b.scene
     assert a.run == b.run
@@ -78,11 +89,10 @@ def assert_same(a: Result, b: Result) -> None:
             assert np.array_equal(mine, theirs, equal_nan=True), name
 
 
-def test_round_trip_is_exact(tmp_path: Path, make_result, make_snapshot) -> None:
-    result = noisy_result(make_result, make_snapshot)
-    assert result.save(tmp_path / "run") == tmp_path / "run"
-    assert sorted(os.listdir(tmp_path / "run")) == FILES
-    assert_same(Result.load(tmp_path / "run"), result)
+def test_round_trip_is_exact(tmp_path: Path, noisy: Result, saved: Path) -> None:
+    assert saved == tmp_path / "run"
+    assert sorted(os.listdir(saved)) == FILES
+    assert_same(Result.load(saved), noisy)
 
 
 def test_round_trip_of_a_run_stopped_at_once(tmp_path: Path, make_result) -> None:
@@ -91,13 +101,11 @@ def test_round_trip_of_a_run_stopped_at_once(tmp_path: Path, make_result) -> Non
     assert_same(Result.load(tmp_path / "run"), result)
 
 
-def test_history_is_plain_csv(tmp_path: Path, make_result, make_snapshot) -> None:
-    result = noisy_result(make_result, make_snapshot)
-    result.save(tmp_path / "run")
-    with (tmp_path / "run" / "history.csv").open(newline="") as file:
+def test_history_is_plain_csv(noisy: Result, saved: Path) -> None:
+    with (saved / "history.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == HISTORY_COLUMNS
-    assert [float(row["time_s"]) for row in rows] == result.history["time_s"].tolist()
+    assert [float(row["time_s"]) for row in rows] == noisy.history["time_s"].tolist()
     assert [row["broken_bonds"] for row in rows[:3]] == ["0", "1", "2"]
 
 
@@ -127,33 +135,28 @@ def test_json_of_numpy_values(tmp_path: Path) -> None:
 
 
 def test_an_existing_result_is_kept_unless_overwritten(
-    tmp_path: Path, make_result, make_snapshot
+    make_result, noisy: Result, saved: Path
 ) -> None:
-    first = noisy_result(make_result, make_snapshot)
     second = make_result()
-    first.save(tmp_path / "run")
     with pytest.raises(UserError, match="already holds a result"):
-        second.save(tmp_path / "run")
-    assert_same(Result.load(tmp_path / "run"), first)
-    second.save(tmp_path / "run", overwrite=True)
-    assert_same(Result.load(tmp_path / "run"), second)
+        second.save(saved)
+    assert_same(Result.load(saved), noisy)
+    second.save(saved, overwrite=True)
+    assert_same(Result.load(saved), second)
 
 
 def test_an_interrupted_write_leaves_the_old_result(
-    tmp_path: Path, make_result, make_snapshot, monkeypatch: pytest.MonkeyPatch
+    make_result, noisy: Result, saved: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = noisy_result(make_result, make_snapshot)
-    first.save(tmp_path / "run")
-
     def interrupt(*args, **kwargs) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
         patched.setattr(zipfile.ZipFile, "open", interrupt)
         with pytest.raises(KeyboardInterrupt):
-            make_result().save(tmp_path / "run", overwrite=True)
-    assert os.listdir(tmp_path) == ["run"]
-    assert_same(Result.load(tmp_path / "run"), first)
+            make_result().save(saved, overwrite=True)
+    assert os.listdir(saved.parent) == ["run"]
+    assert_same(Result.load(saved), noisy)
 
 
 def test_columns_must_fit(make_result) -> None:
@@ -226,9 +229,8 @@ def test_a_missing_folder_is_told(tmp_path: Path) -> None:
         ("snapshots.npz", "flipped"),
     ],
 )
-def test_damage_is_told(tmp_path: Path, make_result, make_snapshot, name: str, damage: str) -> None:
-    noisy_result(make_result, make_snapshot).save(tmp_path / "run")
-    file = tmp_path / "run" / name
+def test_damage_is_told(saved: Path, name: str, damage: str) -> None:
+    file = saved / name
     whole = file.read_bytes()
     if damage == "missing":
         file.unlink()
@@ -243,39 +245,36 @@ def test_damage_is_told(tmp_path: Path, make_result, make_snapshot, name: str, d
     else:
         file.write_bytes(b"\x93\x00\xff garbage = [")
     with pytest.raises(UserError):
-        Result.load(tmp_path / "run")
+        Result.load(saved)
 
 
-def test_snapshots_of_another_lattice_are_told(tmp_path: Path, make_result, make_snapshot) -> None:
-    noisy_result(make_result, make_snapshot).save(tmp_path / "a")
-    noisy_result(make_result, make_snapshot, columns=8).save(tmp_path / "b")
-    os.replace(tmp_path / "b" / "snapshots.npz", tmp_path / "a" / "snapshots.npz")
+def test_snapshots_of_another_lattice_are_told(saved: Path, make_result, make_snapshot) -> None:
+    other = noisy_result(make_result, make_snapshot, columns=8).save(saved.with_name("other"))
+    os.replace(other / "snapshots.npz", saved / "snapshots.npz")
     with pytest.raises(UserError, match=r"not as they were written: snapshots\.npz"):
-        Result.load(tmp_path / "a")
-    Manifest.of(tmp_path / "a").write(tmp_path / "a")
+        Result.load(saved)
+    Manifest.of(saved).write(saved)
     with pytest.raises(UserError, match="shape"):
-        Result.load(tmp_path / "a")
+        Result.load(saved)
 
 
-def test_a_cut_history_is_noticed(tmp_path: Path, make_result, make_snapshot) -> None:
+def test_a_cut_history_is_noticed(saved: Path) -> None:
     """Also one that is cut between two rows, which would read well."""
-    noisy_result(make_result, make_snapshot).save(tmp_path / "run")
-    file = tmp_path / "run" / "history.csv"
+    file = saved / "history.csv"
     file.write_text("".join(file.read_text().splitlines(keepends=True)[:-1]))
     with pytest.raises(UserError, match=r"not as they were written: history\.csv"):
-        Result.load(tmp_path / "run")
+        Result.load(saved)
 
 
 def test_data_are_whole_although_they_cannot_be_measured(
-    tmp_path: Path, make_result, make_snapshot, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, noisy: Result, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(record: object) -> None:
         raise ZeroDivisionError("no such thing")
 
     monkeypatch.setattr(measures, "summary", fail)
-    result = noisy_result(make_result, make_snapshot)
-    result.save(tmp_path / "run")
-    assert_same(Result.load(tmp_path / "run"), result)
+    noisy.save(tmp_path / "run")
+    assert_same(Result.load(tmp_path / "run"), noisy)
     told = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert told["not_measured"] == "ZeroDivisionError: no such thing"
 
@@ -295,10 +294,8 @@ def test_storage_estimate_is_an_upper_bound(tmp_path: Path, make_result, make_sn
     assert taken < storage_bytes(scene) < 4 * taken
 
 
-def test_the_crack_path_is_kept_as_polylines(make_result, make_snapshot, tmp_path: Path) -> None:
+def test_the_crack_path_is_kept_as_polylines(noisy: Result, saved: Path) -> None:
     """Every broken bond of the last snapshot is one step of one polyline."""
-    result = noisy_result(make_result, make_snapshot)
-    result.save(tmp_path / "run")
-    lines = json.loads((tmp_path / "run" / "cracks.json").read_text())["polylines_m"]
-    last = result.snapshots[-1]
+    lines = json.loads((saved / "cracks.json").read_text())["polylines_m"]
+    last = noisy.snapshots[-1]
     assert sum(len(line) - 1 for line in lines) == last.broken_a.sum() + last.broken_b.sum() > 0
