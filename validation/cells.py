@@ -2,7 +2,7 @@
 
 Parts: cells (the calibrated choices as they are), readings (other ways to carry strength and rate
 over to other cells) and mechanisms (each switched off, to see what moves with the cell). They stand
-in cells_study/runs.py. Every run's figures are kept as they come, in results/cells.json, by a
+in cells_study.py. Every run's figures are kept as they come, in results/cells.json, by a
 digest of its scene; another engine needs --fresh. Some 350 impacts, an hour of two cores, most of
 it for cells of 2.5 and 1.25 mm; Ctrl-C keeps what has ended.
 """
@@ -15,8 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Annotated
 
 import typer
-from cells_study import page
-from cells_study.runs import TESTS, Variant, variants
+from cells_study import JUDGED, TESTS, Variant, variants, write
 from ensembles import full_names
 from fidelity_study import members
 from pages import FIGURES, RESULTS, Page
@@ -43,9 +42,9 @@ def smoke() -> None:
         for variant in variants():
             for ensemble in variant.ensembles(TESTS):
                 for n, name in enumerate(ensemble.members):
-                    made_up = {quantity.key: 1.0 + 0.01 * n for quantity in page.JUDGED}
+                    made_up = {quantity.key: 1.0 + 0.01 * n for quantity in JUDGED}
                     store.part(variant.part)[name] = {"figures": made_up, "criteria": {}}
-        text = page.write(store, Page(Path(folder) / "cells.md", Path(folder)))
+        text = write(store, Page(Path(folder) / "cells.md", Path(folder)))
         assert "- 4 mm: 9 of 9 medians within 6 %" in text
         assert all(variant.label in text for variant in variants()[1:])
 
@@ -85,7 +84,7 @@ def main(
 
     wanted = chosen(parts, PARTS) if compute else []
     whole = computed(store, {part: partial(compute_part, part) for part in wanted}, fresh)
-    typer.echo(page.write(store, Page(out, figures)))
+    typer.echo(write(store, Page(out, figures)))
     leave(bars, out, whole)
 
 

@@ -18,7 +18,7 @@ from typing import Annotated
 
 import typer
 from ensembles import COARSE, full_names
-from fidelity_study import changes, changes_page, grid, grid_page, members
+from fidelity_study import changes, changes_page, grid, members
 from pages import FIGURES, RESULTS, Page, headed
 from rich.console import Console
 from store import Compute, Figures, Fresh, Out, Smoke, Store, chosen, computed, leave
@@ -70,7 +70,7 @@ COMPUTE = {"select": select, "choices": choices}
 def write(store: Store, velocities: Mapping[str, int], page: Page) -> str:
     """Write page and picture of what there is of both parts; the text comes back."""
     parts = [
-        *grid_page.section(velocities["select"], store.part("select")),
+        *grid.section(velocities["select"], store.part("select")),
         *changes_page.section(velocities["choices"], store.part("choices"), page),
     ]
     text = headed("The choices that the paper leaves open", "fidelity.py", parts)
