@@ -23,8 +23,7 @@ from taichi_foam.engine.state import RUNNING
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
-from .measurement import LEAST_STEPS, Measurement, better_steps
-from .subjects import Extent, Subject, scene_with, updated
+from .subjects import LEAST_STEPS, Extent, Measurement, Subject, better_steps, scene_with, updated
 
 ALL = 1_000_000  # steps: as far as the lattice's pause
 

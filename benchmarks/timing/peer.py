@@ -9,8 +9,7 @@ from typing import Any
 from peers import PLASTIC, ROTATIONAL, Batch, Lammps, Numba, Plain, Skipped, State, Vectors
 from peers.lammps_peer import TIME_STEP
 
-from .measurement import Measurement, better_steps
-from .subjects import Subject
+from .subjects import Measurement, Subject, better_steps
 from .workers import AbsentError
 
 BLOCK = 25  # steps between two looks at the clock

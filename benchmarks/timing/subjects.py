@@ -1,4 +1,7 @@
-"""What is timed: this engine in its ways of stepping, and the peers; and how much of everything."""
+"""What is timed: this engine in its ways of stepping, and the peers; how much of everything.
+
+And what a single measurement gives.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.shim2000.impacts import NAMES
 
 SMALL = (40, 20)
+LEAST_STEPS = 3  # of a measurement
 ROOM = "room and softening"
 NO_LEDGER = "no-ledger"  # how the worker is called whose engine keeps none
 LAMMPS = {"lammps": "Rotational", "lammps plastic": "Plastic"}
@@ -167,3 +171,25 @@ def _big(mode: Mode, key: str, counts: tuple[int, int], threads: int) -> list[Su
         numba = replace(engine, key="middle numba", name="Numba", worker="peers", peer="Numba")
         found += [numba, replace(_lammps("middle lammps", "Rotational", mode), counts=counts)]
     return found
+
+
+@dataclass
+class Measurement:
+    """What one measurement gave; two add up."""
+
+    wall: float  # s
+    cpu: float | None  # s, of all threads of the process
+    node_stages: float
+    simulated: float  # s, of one lattice; lattices of a batch add up
+
+    def __add__(self, other: Measurement) -> Measurement:
+        cpu = None if self.cpu is None or other.cpu is None else self.cpu + other.cpu
+        return Measurement(
+            self.wall + other.wall, cpu, self.node_stages + other.node_stages,
+            self.simulated + other.simulated,
+        )  # fmt: skip
+
+
+def better_steps(steps: int, took: float, seconds: float) -> int:
+    """Steps of the next measurement, that it takes about `seconds`."""
+    return max(LEAST_STEPS, round(steps * seconds / took))

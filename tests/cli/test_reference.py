@@ -1,14 +1,15 @@
-"""The reference of a scene's keys: complete, true, and as the page docs/scene.md has it."""
+"""`taichi-foam keys`: the keys of a scene are complete, true, and as docs/scene.md has them."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
 
 import pytest
+from command_line import assert_refused
 
 from taichi_foam.cli.reference import COMMAND, keys_of, page
 from taichi_foam.laws.bond import FOAMS
@@ -25,6 +26,10 @@ from taichi_foam.scene.values import settings
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 KEYS = list(keys(Scene))
 PARTS = ("block", "across", "base", "support", "model", "numerics", "start", "output")
+PART_NAMES = (
+    "scene, block, block.layers[], foam, across, impactor, base, support, model, numerics, start, "
+    "output"
+)
 CHOSEN = {"foam": FOAMS, "impactor": SHAPES}
 
 #: Every class that a scene can hold: its part, its tag where it is one of several, the class.
@@ -146,3 +151,54 @@ def test_the_two_scenes_of_the_page_are_one() -> None:
     exec(python, names)
     assert scene_from_text(toml, "the page") == names["scene"]
     assert names["faster"].impactor.velocity == 3.0
+
+
+def test_all_keys_fit_into_eighty_columns(invoke: Callable) -> None:
+    done = invoke("keys")
+    assert (done.exit_code, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    for key in KEYS:
+        assert any(
+            line.startswith(f"{key.key} ") and f" {key.default} " in line for line in lines
+        ), key.key
+        assert " ".join(key.about.split()) in " ".join(done.stdout.split())
+
+
+def test_a_part_and_a_key(invoke: Callable) -> None:
+    part = invoke("keys", "block").stdout
+    assert part.startswith("block: the foam block and its lattice\n")
+    assert "impactor" not in part.replace("of the impactor", "")
+    one = invoke("keys", "impactor.radius").stdout
+    assert "impactor.radius  m     0.025    at least 0.0001 and at most 2 m" in one
+    assert "radius (shape cylinder only)" in one
+    assert "velocity" not in one
+
+
+def test_brackets_are_no_markup(invoke: Callable) -> None:
+    assert "[[1, 0], [0, 1]]" in invoke("keys", "start").stdout
+
+
+@pytest.mark.parametrize(
+    ("asked", "guess"),
+    [
+        ("blok", "did you mean block?"),
+        ("impacter", "did you mean impactor?"),
+        ("impactor.raduis", "did you mean impactor.radius?"),
+        ("velocity", "did you mean impactor.velocity?"),
+        ("xyzzy", "neither a part nor a key of a scene; the parts"),
+        ("", "'': neither a part nor a key"),
+        ("block.", "neither a part nor a key"),
+        ("[/red]\n", "neither a part nor a key"),
+        ("k" * 5000, "neither a part nor a key"),
+    ],
+)
+def test_what_there_is_not_is_refused(asked: str, guess: str, invoke: Callable) -> None:
+    done = invoke("keys", asked)
+    assert_refused(done, guess, PART_NAMES)
+    assert len(done.stderr) < 400
+
+
+def test_the_page(invoke: Callable) -> None:
+    assert invoke("keys", "--markdown").stdout == page()
+    assert_refused(invoke("keys", "block", "--markdown"), "leave PART out")

@@ -1,4 +1,4 @@
-"""`run`, `scenes`, scripts and Ctrl-C, from the outside."""
+"""`run`, `scenes`, `reproduce` and scripts, from the outside."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from command_line import COARSE, COARSE_OPTIONS, call
@@ -15,11 +16,12 @@ from processes import ENVIRONMENT
 
 from taichi_foam import Result, Scene, load_scene
 from taichi_foam.cli import run_script
-from taichi_foam.errors import RunError
+from taichi_foam.errors import RunError, UserError
 from taichi_foam.results.manifest import MANIFEST
 from taichi_foam.results.result import OUTPUTS
 from taichi_foam.scene import Cylinder
 from taichi_foam.shim2000 import impacts
+from taichi_foam.shim2000 import reproduce as study
 from taichi_foam.simulation import simulate
 from taichi_foam.version import version
 
@@ -188,3 +190,21 @@ def test_a_script_is_refused_with_the_same_words(
         run_script(Scene(name="refused", impactor=Cylinder()))
     assert ended.value.code == 2
     assert "block.rows = 0" in capsys.readouterr().err
+
+
+def test_options_of_reproduce_reach_the_study(
+    invoke: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it computes and prints is tested in tests/shim2000."""
+    asked: dict[str, Any] = {}
+
+    def record(out: str, cases: list[str], **options: object) -> None:
+        asked.update(options, out=out, cases=cases)
+        raise UserError("recorded")
+
+    monkeypatch.setattr(study, "reproduce", record)
+    invoke("reproduce", "--ensemble", "16", "--cases", "wedge-2.86", "--out", "many", "--no-films")
+    assert (asked["ensemble"], asked["out"], asked["films"]) == (16, "many", False)
+    assert asked["cases"] == ["wedge-2.86"]
+    invoke("reproduce")
+    assert asked["ensemble"] is None
