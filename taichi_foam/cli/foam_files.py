@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from taichi_foam.cli.outcome import columns
+from taichi_foam.cli.outcome import check_name, columns
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.by_curve import CurveFoam
@@ -176,11 +175,7 @@ def targets(test: Path, out: str | None, overwrite: bool) -> tuple[Path, Path]:
             raise UserError(f"{path}: is a folder. Fix: choose another name with --out")
         if path.exists() and test.exists() and path.samefile(test):
             raise UserError(f"{path}: is the test itself. Fix: choose another name with --out")
-        if os.path.lexists(path) and not overwrite:
-            raise UserError(
-                f"{path}: already exists. Fix: pass --overwrite to replace it, or choose another "
-                "name with --out"
-            )
+        check_name(path, overwrite, "name")
     try:
         # permission bits do not tell everything (root, /proc, read-only disks): try it
         probe = partial_name(target)

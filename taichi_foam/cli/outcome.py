@@ -7,6 +7,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -67,6 +68,15 @@ def columns(*heads: str, **style: Any) -> Table:
         right = head.startswith(">")
         table.add_column(head.removeprefix(">"), justify="right" if right else "left", no_wrap=True)
     return table
+
+
+def check_name(path: Path, overwrite: bool, what: str) -> None:
+    """Raise UserError for a path that is taken; `what` could be chosen instead, with --out."""
+    if os.path.lexists(path) and not overwrite:
+        raise UserError(
+            f"{path}: already exists. Fix: pass --overwrite to replace it, or choose another "
+            f"{what} with --out."
+        )
 
 
 @contextlib.contextmanager

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taichi_foam.cli.options import Fps, Gif, Mode, Mp4, OverwriteFiles, Size, Theme
-from taichi_foam.cli.outcome import Terminal, command
+from taichi_foam.cli.outcome import Terminal, check_name, command
 from taichi_foam.errors import UserError
 
 if TYPE_CHECKING:
@@ -278,10 +278,6 @@ def _check(folder: Path, names: Sequence[str], overwrite: bool) -> None:
         if path.is_dir() != name.endswith("/"):
             kind = "a folder" if path.is_dir() else "a file"
             raise UserError(f"{path}: is {kind}. Fix: move it, or choose another --out.")
-        if not overwrite:
-            raise UserError(
-                f"{path}: already exists. Fix: pass --overwrite to replace it, or choose another "
-                "folder with --out."
-            )
+        check_name(path, overwrite, "folder")
         if path.is_dir():
             check_output_folder(path, overwrite)

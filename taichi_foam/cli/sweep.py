@@ -10,7 +10,7 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from taichi_foam.cli.options import Arch, Choices, OverwriteFiles, Set, Threads
-from taichi_foam.cli.outcome import Terminal, command
+from taichi_foam.cli.outcome import Terminal, check_name, command
 from taichi_foam.errors import UserError
 
 if TYPE_CHECKING:
@@ -177,12 +177,7 @@ def show_command(
         from taichi_foam.sweeps import figure
 
         path = Path(out) if out else found.folder / _figure_name(measure, x, by, map_)
-        if path.exists() and not overwrite:
-            raise UserError(
-                f"{path}: already exists. Fix: choose another file with --out, or pass "
-                "overwrite=True to replace it.",
-                argument="overwrite=True",
-            )
+        check_name(path, overwrite, "file")
         style.save(figure.shown(found, measure, x=x, by=by, as_map=map_), path)
         terminal.line(f"{path}")
 

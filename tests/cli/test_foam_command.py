@@ -252,7 +252,6 @@ def test_a_bad_test_is_refused(case: str, invoke: Callable, tmp_path: Path) -> N
 BAD_OPTIONS = {
     "no density": ([], ("--density: missing; must be", "kg/m3", "0.0256 g/cm3 is 25.6")),
     "density in g/cm3": (["--density", "0.03"], ("--density = 0.03: must be", "at least 1")),
-    "density nan": (["--density", "nan"], ("--density = nan: must be",)),
     "density a word": (
         ["--density", "thirty"],
         ("--density = 'thirty': must be a number, at least 1",),
@@ -265,7 +264,6 @@ BAD_OPTIONS = {
     "no .toml": (["--density", "30", "--out", "pu.csv"], ("must end in .toml",)),
     "no path": (["--density", "30", "--out", ""], ("not a possible file name",)),
     "no folder": (["--density", "30", "--out", "none/pu.toml"], ("cannot be written", "--out")),
-    "under a file": (["--density", "30", "--out", "pu.csv/pu.toml"], ("cannot be written",)),
     "/proc": (["--density", "30", "--out", "/proc/pu.toml"], ("/proc/pu.toml: cannot be",)),
 }
 

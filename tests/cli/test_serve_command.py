@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from command_line import assert_refused
 
 
 @pytest.mark.parametrize(
@@ -35,9 +36,7 @@ def test_what_cannot_be_is_refused_with_a_reason(
     invoke: Callable, arguments: list[str], words: str
 ) -> None:
     Path("file").touch()
-    result = invoke("serve", *arguments, "--no-open")
-    assert result.exit_code == 2
-    assert words in result.stderr
+    assert_refused(invoke("serve", *arguments, "--no-open"), words)
     assert [path.name for path in Path().iterdir()] == ["file"]
 
 
@@ -45,8 +44,7 @@ def test_a_port_in_use_is_named(invoke: Callable) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         result = invoke("serve", "paper/wedge-2.86", "--port", str(port), "--no-open")
-    assert result.exit_code == 2
-    assert f"port = {port}: in use; choose another, or 0 for any free port" in result.stderr
+    assert_refused(result, f"port = {port}: in use; choose another, or 0 for any free port")
 
 
 def test_ctrl_c_while_the_device_is_awaited_ends_it(

@@ -208,9 +208,8 @@ def test_two_runs_into_one_folder(invoke: Callable, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(simulate, "run", lambda *_, **__: pytest.fail("it computed"))
     with claimed("out", {"command": "another"}):
         for overwrite in ([], ["--overwrite"]):
-            result = invoke(*SHORT, "--out", "out", *overwrite)
-            assert result.exit_code == 2
-            assert "another process is working in it" in result.stderr
+            refused = invoke(*SHORT, "--out", "out", *overwrite)
+            assert_refused(refused, "another process is working in it")
 
 
 def test_every_setting_has_a_default_folder_of_its_own(
