@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from taichi_foam.analysis.bands import Band, band
 from taichi_foam.analysis.measures import (
@@ -11,40 +10,11 @@ from taichi_foam.analysis.measures import (
     DURATION,
     ENERGY_PER_VOLUME,
     PLATEAU,
-    summary,
 )
-from taichi_foam.catalogue import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.scene import Scene
-from taichi_foam.shim2000.compare import at_rest
 from taichi_foam.shim2000.impacts import case_names
-from taichi_foam.shim2000.study import faster
-from taichi_foam.simulation.simulate import ProgressCallback, simulate_many
 
 ORDER = (DURATION, DISPLACEMENT, PLATEAU, ENERGY_PER_VOLUME)
-
-Figures = dict[str, Any]
-"""The content of a run's summary.json, and `simulated_s`, how long the run was."""
-
-
-def scene_of(
-    name: str, factor: float = 1.0, overrides: Sequence[str] = (), choices: str = "calibrated"
-) -> Scene:
-    """A paper test with another velocity."""
-    return faster(load_scene(name, choices, overrides), factor)
-
-
-def figures_of(
-    scenes: Sequence[Scene], on_progress: ProgressCallback | None = None
-) -> Iterator[tuple[int, Figures]]:
-    """Run scenes side by side; place and figures of each as it ends."""
-    for place, result in simulate_many(scenes, on_progress):
-        if result.failure:
-            raise RuntimeError(f"{result.scene.name}: ended by {result.run['ended_by']}")
-        yield (
-            place,
-            {**at_rest(summary(result)), "simulated_s": float(result.history["time_s"][-1])},
-        )
 
 
 def median_and_range(values: Sequence[float | None]) -> Band:

@@ -11,32 +11,27 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
-from ensembles import (
-    COARSE,
-    ORDER,
-    Figures,
-    figures_of,
-    full_names,
-    median_and_range,
-    scene_of,
-    short,
-)
+from ensembles import COARSE, ORDER, full_names, median_and_range, short
 from pages import FIGURES, RESULTS, Page, headed, table
 from rich.console import Console
 from scipy.stats import mannwhitneyu
 from store import Out, Smoke, leave
 
-from taichi_foam.analysis.measures import Quantity
+from taichi_foam.analysis.measures import Quantity, summary
+from taichi_foam.catalogue import load_scene
 from taichi_foam.results.result import Result
+from taichi_foam.scene import Scene
+from taichi_foam.shim2000.compare import at_rest
 from taichi_foam.shim2000.impacts import TESTS
-from taichi_foam.shim2000.study import WITHIN
+from taichi_foam.shim2000.study import WITHIN, faster
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.simulation.simulate import run
+from taichi_foam.simulation.simulate import run, simulate_many
 from taichi_foam.sweeps.sampling import factors
 
 FINE = 1e-7  # s, Table 6
@@ -53,6 +48,10 @@ ROWS_EVERY = 10  # automatic steps
 REFINED = (1, 2)  # the automatic step, and half of it
 
 
+Figures = dict[str, Any]
+"""The content of a run's summary.json, and `simulated_s`, how long the run was."""
+
+
 @dataclass
 class Test:
     """What one test has given: figures by step and by the velocity's factor, and deviations."""
@@ -67,17 +66,24 @@ class Test:
     # by how many times the step was refined, and by column: the largest, and the median row's
     deviations: dict[int, dict[str, tuple[float, float]]] = field(default_factory=dict)
 
+    def scene(self, values: Mapping[str, object], factor: float = 1.0) -> Scene:
+        """The test with other values by key, and its velocity times a factor."""
+        settings = [*self.settings, *(f"{key}={value}" for key, value in values.items())]
+        return faster(load_scene(self.name, "calibrated", settings), factor)
+
 
 def impacts(test: Test, counts: dict[str, int], bars: Bars) -> None:
     """Run the test itself and its ensembles with either step."""
     runs = [(step, None) for step in STEPS]
     runs += [(step, factor) for step in STEPS for factor in factors(counts[step], WITHIN)]
     steps = {"auto": "auto", "fine": repr(test.fine)}
-    scenes = [
-        scene_of(test.name, f or 1.0, [*test.settings, f"numerics.dt={steps[s]}"]) for s, f in runs
-    ]
+    scenes = [test.scene({"numerics.dt": steps[step]}, f or 1.0) for step, f in runs]
     with bars.computing(f"{short(test.name)}: {len(runs)} runs") as on_progress:
-        for place, figures in figures_of(scenes, on_progress):
+        for place, result in simulate_many(scenes, on_progress):
+            if result.failure:
+                raise RuntimeError(f"{result.scene.name}: ended by {result.run['ended_by']}")
+            figures = at_rest(summary(result))
+            figures["simulated_s"] = float(result.history["time_s"][-1])
             step, factor = runs[place]
             if factor is None:
                 test.single[step] = figures
@@ -110,8 +116,7 @@ def before_failure(test: Test) -> None:
 
 def _until(test: Test, dt: float | str, end: float, interval: float) -> Result:
     values = {"numerics.dt": dt, "numerics.end": end, "output.history_interval": interval}
-    settings = [*test.settings, *(f"{key}={value}" for key, value in values.items())]
-    return run(scene_of(test.name, overrides=settings))
+    return run(test.scene(values))
 
 
 def _deviations(result: Result, exact: Result) -> dict[str, tuple[float, float]]:
