@@ -6,7 +6,6 @@ A change of the scene's choices or of the engine's fields breaks benchmarks firs
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -19,6 +18,7 @@ import gpu
 import pytest
 import sweeps
 from peers import EXTENTS
+from processes import ENVIRONMENT
 from timing import tables
 from timing.goals import figures
 from timing.rounds import Record, measure, prepare
@@ -34,10 +34,9 @@ CONTENT = {"wall": 2e-3, "cpu": 1e-3, "node_stages": 1e4, "simulated": 1e-3}
 def run_script(name: str, *options: str) -> str:
     """What a script prints in a process of its own; nothing may appear among the results."""
     before = sorted(RESULTS.iterdir())
-    environment = {**os.environ, "PYTHONPATH": str(BENCHMARKS.parent)}
     done = subprocess.run(
         [sys.executable, str(BENCHMARKS / name), "--smoke", *options],
-        capture_output=True, text=True, env=environment, check=False,
+        capture_output=True, text=True, env=ENVIRONMENT, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr
     assert sorted(RESULTS.iterdir()) == before

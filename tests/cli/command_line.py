@@ -22,7 +22,7 @@ COARSE = (
 COARSE_OPTIONS = [word for setting in COARSE for word in ("--set", setting)]
 
 
-def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+def call(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Run `python` with these arguments to its end."""
     return subprocess.run(
         [sys.executable, *arguments],

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
+from command_line import call
 from typer.testing import CliRunner
 
 from taichi_foam.choices import CHOICE_SETS
@@ -53,9 +51,7 @@ def _commands() -> list[list[str]]:
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
 def test_words_about_commands_load_nothing_heavy(words: list[str], code: int, said: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", _LOADED, *words], capture_output=True, text=True, check=False
-    )
+    done = call("-c", _LOADED, *words)
     assert done.returncode == code
     assert said in done.stdout + done.stderr
     assert done.stdout.splitlines()[-1] == "loaded:"
@@ -63,10 +59,7 @@ def test_words_about_commands_load_nothing_heavy(words: list[str], code: int, sa
 
 def test_the_list_of_heavy_libraries_is_of_use() -> None:
     """A command that does load some is caught by the same script."""
-    done = subprocess.run(
-        [sys.executable, "-c", _LOADED, "foam", "show", "rigid-pu-30"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    done = call("-c", _LOADED, "foam", "show", "rigid-pu-30")
     assert {"numpy", "taichi"} <= set(done.stdout.splitlines()[-1].split())
 
 

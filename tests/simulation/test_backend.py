@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import ENVIRONMENT
 
 import taichi_foam
 from taichi_foam.scene import Scene
@@ -37,13 +37,10 @@ main()
 
 def _process(program: str, backend: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Python with this backend, in a process of its own."""
-    found = [str(Path(taichi_foam.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
-    environment = {
-        **os.environ, "TAICHI_FOAM_BACKEND": backend, "PYTHONPATH": os.pathsep.join(found),
-    }  # fmt: skip
     return subprocess.run(
         [sys.executable, "-c", program, *arguments],
-        env=environment, capture_output=True, text=True, timeout=540, check=False,
+        env={**ENVIRONMENT, "TAICHI_FOAM_BACKEND": backend}, capture_output=True, text=True,
+        timeout=540, check=False,
     )  # fmt: skip
 
 
