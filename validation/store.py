@@ -45,12 +45,6 @@ class Store:
         """Drop one part, so that it is computed afresh."""
         self.kept.pop(part, None)
 
-    def figures(self, part: str, name: str, compute: Callable[[], Any]) -> Any:
-        """The figures of a run: kept ones, or computed now and kept."""
-        if name not in self.part(part):
-            self.keep(part, name, compute())
-        return self.part(part)[name]
-
     def keep(self, part: str, name: str, figures: Any) -> None:
         """Take the figures of a run that has ended."""
         self.part(part)[name] = figures

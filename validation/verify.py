@@ -102,7 +102,8 @@ def main(
         plan = study.plan()
         with bars.counting(name, name, len(plan), "runs") as on_run:
             for run, asked in plan.items():
-                store.figures(name, run, partial(study.compute, asked))
+                if run not in store.part(name):
+                    store.keep(name, run, study.compute(asked))
                 on_run()
 
     tasks = {name: partial(compute_all, name, study) for name, study in wanted.items() if compute}
