@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pyarrow as pa
 import pyarrow.parquet as pq
 from rich.console import Console
@@ -90,8 +91,7 @@ def memory(every: float = 0.2) -> Iterator[list[float]]:
 
     def look() -> None:
         while not ended.wait(every):
-            pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-            seen.append(pages * os.sysconf("SC_PAGE_SIZE") / 1e6)
+            seen.append(psutil.Process().memory_info().rss / 1e6)
 
     thread = threading.Thread(target=look, daemon=True)
     thread.start()

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -23,7 +21,7 @@ from taichi_foam.engine.state import RUNNING
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
 
-from .subjects import LEAST_STEPS, Extent, Measurement, Subject, better_steps, scene_with, updated
+from .subjects import Extent, Measurement, Subject, better_steps, scene_with, updated
 
 ALL = 1_000_000  # steps: as far as the lattice's pause
 
@@ -193,30 +191,3 @@ class Engine:
     def traffic(self, subject: Subject) -> float:
         """Bytes per node and stage that the subject's lattice has to move."""
         return self._loaded(subject.batch, subject.scene()).bytes_per_node_stage()
-
-
-def resident() -> int:
-    """Memory of this process that is in use [bytes]."""
-    try:
-        with open("/proc/self/statm", encoding="ascii") as file:
-            return int(file.read().split()[1]) * 4096
-    except OSError:  # no Linux: the most that ever was
-        import resource
-
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-def stepped(subject: Subject) -> int:
-    """Memory in use [bytes] once a subject's lattice is loaded and has stepped.
-
-    What Python has freed, and glibc keeps for later, is not in use: how much that is depends on the
-    order of allocations.
-    """
-    with ExitStack() as stack:
-        scene = subject.scene()
-        loaded = Loaded(stack, subject.batch, subject.counts, features_of(scene))
-        loaded.start(subject.scenes())
-        loaded.run_steps(LEAST_STEPS)
-        with contextlib.suppress(OSError, AttributeError):  # another system, or another libc
-            ctypes.CDLL("libc.so.6").malloc_trim(0)
-        return resident()

@@ -1,10 +1,27 @@
-"""How much memory a process uses that has stepped one lattice: `THREADS COLUMNS ROWS`."""
+"""How much memory a process uses that has stepped one lattice [bytes]: `THREADS COLUMNS ROWS`.
 
+What Python has freed, and glibc keeps for later, is not in use: how much that is depends on the
+order of allocations.
+"""
+
+import contextlib
+import ctypes
 import sys
 
-from .engine import start_taichi, stepped
-from .subjects import Subject
+import psutil
+
+from taichi_foam.engine.features import features_of
+
+from .engine import Loaded, start_taichi
+from .subjects import LEAST_STEPS, Subject
 
 threads, columns, rows = map(int, sys.argv[1:])
 start_taichi(threads=threads)
-print(stepped(Subject("", "", "", counts=(columns, rows), extent="whole")))
+scene = Subject("", "", "", counts=(columns, rows), extent="whole").scene()
+with contextlib.ExitStack() as stack:
+    loaded = Loaded(stack, 1, (columns, rows), features_of(scene))
+    loaded.start([scene])
+    loaded.run_steps(LEAST_STEPS)
+    with contextlib.suppress(OSError, AttributeError):  # another system, or another libc
+        ctypes.CDLL("libc.so.6").malloc_trim(0)
+    print(psutil.Process().memory_info().rss)
