@@ -22,7 +22,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -312,14 +312,10 @@ def started(words: Sequence[str]) -> Iterator[subprocess.Popen]:
 def session(leader: int) -> list[int]:
     """The living processes of a session."""
     found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            name, _, rest = stat.read_text(encoding="utf-8").rpartition(") ")
-        except OSError:
-            continue
-        state, _, _, sid = rest.split()[:4]
-        if int(sid) == leader and state != "Z":
-            found.append(int(name.split()[0]))
+    for process in psutil.process_iter():
+        with suppress(ProcessLookupError, psutil.NoSuchProcess):  # it has ended meanwhile
+            if os.getsid(process.pid) == leader and process.status() != psutil.STATUS_ZOMBIE:
+                found.append(process.pid)
     return found
 
 
@@ -327,12 +323,9 @@ def workers_of(leader: int) -> list[int]:
     """The processes of a session in which Dask computes."""
     found = []
     for pid in session(leader):
-        try:
-            words = Path(f"/proc/{pid}/cmdline").read_bytes()
-        except OSError:
-            continue
-        if b"spawn_main" in words:
-            found.append(pid)
+        with suppress(psutil.NoSuchProcess):
+            if "spawn_main" in " ".join(psutil.Process(pid).cmdline()):
+                found.append(pid)
     return found
 
 
