@@ -20,7 +20,6 @@ from timing.engine import Loaded, settings, start_taichi
 from timing.table import Table, write
 from timing.workers import compile_thoroughly
 
-from taichi_foam.engine.features import features_of
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 
@@ -66,8 +65,7 @@ def scene_of(nodes: int | None) -> Scene:
 def measure(scene: Scene, lattices: int, seconds: float, most_steps: int) -> Rate:
     """Step `lattices` copies of a scene for some `seconds`, after a first call that compiles."""
     with ExitStack() as stack:
-        counts = (scene.block.columns, scene.block.rows)
-        loaded = Loaded(stack, lattices, counts, features_of(scene))
+        loaded = Loaded(stack, lattices, scene)
         loaded.start([scene] * lattices)
         loaded.run_steps(2)
         taken, spent, call = 0, 0.0, 1

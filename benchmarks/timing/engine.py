@@ -15,7 +15,7 @@ import taichi as ti
 from taichi.lang.util import to_numpy_type
 
 from taichi_foam.engine import runtime, transfer
-from taichi_foam.engine.features import Features, features_of
+from taichi_foam.engine.features import features_of
 from taichi_foam.engine.lattice import borrowed
 from taichi_foam.engine.state import RUNNING
 from taichi_foam.records.snapshot import Snapshot
@@ -29,12 +29,11 @@ start_taichi, settings = runtime.start, runtime.settings
 
 
 class Loaded:
-    """One lattice or batch on the device, for scenes of one size, and how far it has come."""
+    """One lattice or batch on the device, for scenes like one, and how far it has come."""
 
-    def __init__(
-        self, stack: ExitStack, batch: int, counts: tuple[int, int], features: Features
-    ) -> None:
-        self._lattice = stack.enter_context(borrowed(batch, *counts, features))
+    def __init__(self, stack: ExitStack, batch: int, scene: Scene) -> None:
+        counts = (scene.block.columns, scene.block.rows)
+        self._lattice = stack.enter_context(borrowed(batch, *counts, features_of(scene)))
         self._advance = transfer.advance_of(self._lattice)
         self._standing: dict[str, np.ndarray] = {}
         self.batch, self.nodes = batch, counts[0] * counts[1]
@@ -122,7 +121,7 @@ class Engine:
     def _loaded(self, batch: int, scene: Scene) -> Loaded:
         key = (batch, (scene.block.columns, scene.block.rows), features_of(scene))
         if key not in self._lattices:
-            self._lattices[key] = Loaded(self._stack, *key)
+            self._lattices[key] = Loaded(self._stack, batch, scene)
         return self._lattices[key]
 
     def _holding(self, subject: Subject) -> Loaded:

@@ -10,8 +10,6 @@ import sys
 
 import psutil
 
-from taichi_foam.engine.features import features_of
-
 from .engine import Loaded, start_taichi
 from .subjects import LEAST_STEPS, Subject
 
@@ -19,7 +17,7 @@ threads, columns, rows = map(int, sys.argv[1:])
 start_taichi(threads=threads)
 scene = Subject("", "", "", counts=(columns, rows), extent="whole").scene()
 with contextlib.ExitStack() as stack:
-    loaded = Loaded(stack, 1, (columns, rows), features_of(scene))
+    loaded = Loaded(stack, 1, scene)
     loaded.start([scene])
     loaded.run_steps(LEAST_STEPS)
     with contextlib.suppress(OSError, AttributeError):  # another system, or another libc
