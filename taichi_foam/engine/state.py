@@ -121,7 +121,7 @@ class Clock:
     bad_node: ti.i32  # the first node that diverged
     stale: ti.i32  # the neighbour list must be rebuilt
     candidates: ti.i32  # nodes that have a pair in the neighbour list
-    pairs: ti.i32  # in the list; a GPU counts each pair twice
+    pairs: ti.i32  # in the list
     rows: ti.i32  # rows of the history on the device
     active: ti.i32  # takes part in the current step (staged stepping)
     spare: ti.i32  # makes the number of 32-bit members even, see Layout
