@@ -16,14 +16,14 @@ import hashlib
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.analysis.bands import band
 from taichi_foam.cushions import own_tests
@@ -37,13 +37,13 @@ from taichi_foam.cushions.scenes import (
     cushion_scene,
     stress_curve,
 )
-from taichi_foam.cushions.shown import units_named
+from taichi_foam.cushions.shown import Units, units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
-from taichi_foam.formulas.traces import CHANNEL_CLASSES, channel, filtered
+from taichi_foam.formulas.traces import channel, check_channel_class, filtered
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.picture import style
-from taichi_foam.results.files import file_name, write_rows
+from taichi_foam.results.files import file_name, plain, write_rows
 from taichi_foam.results.folders import claimed
 from taichi_foam.scene import Scene
 from taichi_foam.scene.paths import NOTHING, at
@@ -109,6 +109,46 @@ class Pad:
     thickness: float
     drop_height: float
 
+    @property
+    def row(self) -> dict[str, Any]:
+        """Its columns of tables."""
+        return {
+            "shape": self.shape,
+            "thickness_m": self.thickness,
+            "drop_height_m": self.drop_height,
+        }
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The energy balance of a flat pad's first drop.
+
+    strain, stress  (n,) of its foam, Pa
+    ends            the range of static stresses that is of interest [Pa]
+    """
+
+    pad: Pad
+    strain: Array
+    stress: Array
+    ends: tuple[float, float]
+
+    def g(self, static_stress: ArrayLike) -> Array:
+        """Peaks (n,) [g] at static stresses [Pa]; NaN where the foam cannot absorb the energy."""
+        height, thickness = self.pad.drop_height, self.pad.thickness
+        return energy.cushion_curve(self.strain, self.stress, height, thickness, static_stress)
+
+    @property
+    def fine(self) -> Array:
+        """Static stresses (n,) [Pa] at which it is drawn."""
+        return np.geomspace(*self.ends, 400)
+
+    @cached_property
+    def least(self) -> tuple[float, float]:
+        """Static stress [Pa] and peak [g] of its optimum."""
+        height, thickness = self.pad.drop_height, self.pad.thickness
+        static, stop = energy.optimum(self.strain, self.stress, height, thickness)
+        return static, stop.g
+
 
 @dataclass(frozen=True)
 class Drop:
@@ -142,10 +182,9 @@ class Curve:
 
     static_stress      Pa
     low, median, high  peak [g]: 5, 50 and 95 % of the runs; inf where they have no answer
-    strain             median of the largest strain; NaN: no answer
+    strain             median of the largest strain; inf: no answer
     bottomed           the part of the runs in which the foam was used up
-    balance            peak by the energy balance [g], NaN where the foam cannot absorb the energy;
-                       None: it does not apply
+    balance            of the energy; None: it does not apply
     """
 
     pad: Pad
@@ -156,7 +195,7 @@ class Curve:
     high: Array
     strain: Array
     bottomed: Array
-    balance: Array | None
+    balance: Balance | None
 
     @property
     def least(self) -> int:
@@ -194,20 +233,6 @@ class Curve:
         below = np.flatnonzero(self.bottomed < 0.5)
         first = int(below[-1]) + 1 if below.size else 0
         return float(self.static_stress[first]) if first < self.bottomed.size else None
-
-
-@dataclass(frozen=True)
-class Balance:
-    """The energy balance of a pad.
-
-    static_stress  (n,) Pa, fine
-    g              (n,) peak [g]; NaN where the foam cannot absorb the energy
-    least          static stress [Pa] and peak [g] of its optimum
-    """
-
-    static_stress: Array
-    g: Array
-    least: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -250,12 +275,12 @@ class CushionCurve:
 
     def _curve(self, pad: Pad, number: int, points: Mapping[float, list[Drop]]) -> Curve:
         rising = sorted(points)
-        peaks = [band([drop.peak for drop in points[each]]) for each in rising]
+        runs = [points[each] for each in rising]
+        peaks = [band([drop.peak for drop in each]) for each in runs]
         low, median, high = np.array(peaks, dtype=np.float64).T
         balance = None
         if number == 1 and pad.shape == FLAT:
-            e, s = stress_curve(self.scene)
-            balance = energy.cushion_curve(e, s, pad.drop_height, pad.thickness, rising)
+            balance = Balance(pad, *stress_curve(self.scene), (rising[0], rising[-1]))
         return Curve(
             pad,
             number,
@@ -263,76 +288,55 @@ class CushionCurve:
             low,
             median,
             high,
-            np.array([_median([drop.strain for drop in points[each]]) for each in rising]),
-            np.array([_share([drop.bottomed is not False for drop in points[s]]) for s in rising]),
+            np.array([band([drop.strain for drop in each]).median for each in runs]),
+            np.array([np.mean([drop.bottomed is not False for drop in each]) for each in runs]),
             balance,
         )
-
-    @cached_property
-    def balances(self) -> dict[Pad, Balance]:
-        """The energy balance of flat pads' first drops, over the ranges of their curves."""
-        flat = {drop.pad for drop in self.drops if drop.pad.shape == FLAT}
-        return {pad: self._balance(pad) for pad in flat}
-
-    def balance_of(self, curve: Curve) -> Balance | None:
-        """The energy balance of a curve's pad; None: it does not apply."""
-        return self.balances.get(curve.pad) if curve.number == 1 else None
-
-    def _balance(self, pad: Pad) -> Balance:
-        statics = [drop.static_stress for drop in self.drops if drop.pad == pad]
-        e, s = stress_curve(self.scene)
-        fine = np.geomspace(min(statics), max(statics), 400)
-        g = energy.cushion_curve(e, s, pad.drop_height, pad.thickness, fine)
-        least, stop = energy.optimum(e, s, pad.drop_height, pad.thickness)
-        return Balance(fine, g, (least, stop.g))
 
     @property
     def table(self) -> list[dict[str, Any]]:
         """A row for each point of each curve: SI units, unit in the name, None for no answer."""
-        return [
-            {
-                "shape": curve.pad.shape,
-                "thickness_m": curve.pad.thickness,
-                "drop_height_m": curve.pad.drop_height,
-                "drop": curve.number,
-                "static_stress_Pa": float(curve.static_stress[k]),
-                "runs": self.runs,
-                "filter": self.filter,
-                "peak_g": _finite(curve.median[k]),
-                "peak_low_g": _finite(curve.low[k]),
-                "peak_high_g": _finite(curve.high[k]),
-                "strain": _finite(curve.strain[k]),
-                "bottomed_share": float(curve.bottomed[k]),
-                "balance_g": None if curve.balance is None else _finite(curve.balance[k]),
-            }
-            for curve in self.curves
-            for k in range(len(curve.static_stress))
-        ]
+        found = []
+        for curve in self.curves:
+            by_hand = curve.balance and curve.balance.g(curve.static_stress)
+            found += [
+                {
+                    **curve.pad.row,
+                    "drop": curve.number,
+                    "static_stress_Pa": static,
+                    "runs": self.runs,
+                    "filter": self.filter,
+                    "peak_g": curve.median[k],
+                    "peak_low_g": curve.low[k],
+                    "peak_high_g": curve.high[k],
+                    "strain": curve.strain[k],
+                    "bottomed_share": curve.bottomed[k],
+                    "balance_g": None if by_hand is None else by_hand[k],
+                }
+                for k, static in enumerate(curve.static_stress)
+            ]
+        return plain(found)
 
     @property
     def minima(self) -> list[dict[str, Any]]:
         """A row for each curve: its minimum, the range within 10 % of it, where it bottoms."""
-        found = []
-        for curve in self.curves:
-            low, high = curve.good_range
-            balance = self.balance_of(curve)
-            found.append(
+        return plain(
+            [
                 {
-                    "shape": curve.pad.shape,
-                    "thickness_m": curve.pad.thickness,
-                    "drop_height_m": curve.pad.drop_height,
+                    **curve.pad.row,
                     "drop": curve.number,
-                    "least_peak_g": _finite(curve.median[curve.least]),
-                    "at_static_stress_Pa": float(curve.static_stress[curve.least]),
+                    "least_peak_g": curve.median[curve.least],
+                    "at_static_stress_Pa": curve.static_stress[curve.least],
                     "is_bracketed": curve.is_bracketed,
-                    "within_10_percent_from_Pa": low,
-                    "within_10_percent_to_Pa": high,
+                    "within_10_percent_from_Pa": curve.good_range[0],
+                    "within_10_percent_to_Pa": curve.good_range[1],
                     "bottoms_from_Pa": curve.bottoms_from,
-                    "balance_least_peak_g": balance and balance.least[1],
-                    "balance_at_static_stress_Pa": balance and balance.least[0],
+                    "balance_least_peak_g": curve.balance and curve.balance.least[1],
+                    "balance_at_static_stress_Pa": curve.balance and curve.balance.least[0],
                 }
-            )
-        return found
+                for curve in self.curves
+            ]
+        )
 
     @property
     def conditions(self) -> list[str]:
@@ -342,7 +346,9 @@ class CushionCurve:
         found = [
             "A rigid product falls straight down on rails and meets the pad with a level face; "
             "nothing but the pad carries it. G is its deceleration; force over weight is G + 1.",
-            f"Peaks are {_through(self.filter)}.",
+            "Peaks are raw: means over 0.1 ms, through no filter."
+            if self.filter == channel(None)
+            else f"Peaks are through the filter {self.filter} (SAE J211).",
         ]
         if self.runs > 1:
             found.append(
@@ -381,13 +387,13 @@ class CushionCurve:
         """The chart. Raises UserError: `units` is not "si" or "us"."""
         from taichi_foam.cushions.cushion_chart import chart
 
-        return chart(self, units)
+        return chart(self, units_named(units))
 
     def report(self, path: str | Path, units: str = "si") -> Path:
         """Write a report as one HTML file, and return its path. Raises UserError."""
         from taichi_foam.cushions.cushion_chart import report
 
-        return report(self, path, units)
+        return report(self, path, units_named(units))
 
 
 def cushion_curve(
@@ -441,11 +447,17 @@ def cushion_curve(
         RunError: drops could not be computed.
         KeyboardInterrupt: Ctrl-C; what is computed is kept in `out`.
     """
-    asked = _Asked.checked(
-        foam, thickness, drop_height, static_stress, static_range, drops, shape, runs,
-        channel_class, points, width, depth, density, tests,
+    shapes = _shapes(shape)
+    thicknesses = _lengths("thickness", thickness, THICKNESSES, "50 mm is 0.05 m")
+    heights = _lengths("drop height", drop_height, HEIGHTS, "76 cm is 0.76 m")
+    asked = _Asked(
+        foam, shapes, [Pad(*each) for each in product(shapes, thicknesses, heights)],
+        static_stress, static_range, drops, runs, channel_class, points,
+        {"width": width, "depth": depth, "density": density},
+        None if tests is None else own_tests.read(Path(tests)),
     )  # fmt: skip
-    units_named(units)
+    asked.check()
+    system = units_named(units)
     how = {"arch": arch, "threads": threads, "bars": bars or Bars()}
     if out is None:
         with tempfile.TemporaryDirectory() as folder:
@@ -458,111 +470,90 @@ def cushion_curve(
                 f"what is computed is in {out}; the same command continues from there"
             ) from None
         with held_interrupts(), claim.publishing() as staging:
-            write(found, staging, units)
+            _write(found, staging, system)
         claim.finish()
     return found
 
 
-def write(found: CushionCurve, folder: Path, units: str) -> None:
+def _write(found: CushionCurve, folder: Path, system: Units) -> None:
     """Write tables, the figure in three formats, and the report. Raises UserError, OSError."""
     from taichi_foam.cushions import cushion_chart
 
-    drops = [vars(drop) | vars(drop.pad) for drop in found.drops]
-    names = {
-        "shape": "shape", "thickness": "thickness_m", "drop_height": "drop_height_m",
-        "number": "drop", "static_stress": "static_stress_Pa", "run": "run",
-        "velocity": "velocity_m_s", "peak": "peak_g", "strain": "strain", "bottomed": "bottomed",
-        "failure": "failure",
-    }  # fmt: skip
-    tables = {
-        "cushion.csv": found.table,
-        "minima.csv": found.minima,
-        "drops.csv": [{names[key]: drop[key] for key in names} for drop in drops],
-    }
-    for name, rows in tables.items():
-        write_rows(folder / name, rows)
-    drawn = cushion_chart.chart(found, units)
+    write_rows(folder / "cushion.csv", found.table)
+    write_rows(folder / "minima.csv", found.minima)
+    drops = [
+        {
+            **drop.pad.row,
+            "drop": drop.number,
+            "static_stress_Pa": drop.static_stress,
+            "run": drop.run,
+            "velocity_m_s": drop.velocity,
+            "peak_g": drop.peak,
+            "strain": drop.strain,
+            "bottomed": drop.bottomed,
+            "failure": drop.failure,
+        }
+        for drop in found.drops
+    ]
+    write_rows(folder / "drops.csv", drops)
+    drawn = cushion_chart.chart(found, system)
     style.save_all(drawn, folder / "cushion")
-    cushion_chart.report(found, folder / "report.html", units, drawn)
+    cushion_chart.report(found, folder / "report.html", system, drawn)
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """A request, checked: the pads, and how each is computed."""
+    """A request: the pads, and how each is computed. `tests` are own ones; the rest is as given."""
 
     foam: Any
-    name: str
     shapes: Mapping[str, Any]
-    pads: tuple[Pad, ...]
-    first: Mapping[Pad, list[float]]  # static stresses of the first wave
-    is_refined: bool
-    drops: int
-    runs: int
-    channel_class: int | None
-    points: int
+    pads: Sequence[Pad]
+    static_stress: Any
+    static_range: Any
+    drops: Any
+    runs: Any
+    channel_class: Any
+    points: Any
     sizes: Mapping[str, Any]
     tests: OwnTests | None
 
-    @classmethod
-    def checked(
-        cls,
-        foam: Any,
-        thickness: Any,
-        drop_height: Any,
-        static_stress: Any,
-        static_range: Any,
-        drops: Any,
-        shape: Any,
-        runs: Any,
-        channel_class: Any,
-        points: Any,
-        width: float,
-        depth: float,
-        density: float | None,
-        tests: str | Path | None,
-    ) -> _Asked:
-        """Raises UserError."""
-        _check_count("drops", drops, 1, MOST_DROPS)
-        _check_count("runs", runs, 1, MOST_RUNS)
-        _check_count("points", points, 3, MOST_POINTS)
-        if channel_class is not None and channel_class not in CHANNEL_CLASSES:
+    def check(self) -> None:
+        """Raises UserError: it cannot be met."""
+        _check_count("drops", self.drops, 1, MOST_DROPS)
+        _check_count("runs", self.runs, 1, MOST_RUNS)
+        _check_count("points", self.points, 3, MOST_POINTS)
+        if self.channel_class is not None:
+            check_channel_class(self.channel_class)
+        curves = len(self.pads) * self.drops
+        if curves > MOST_CURVES:
             raise UserError(
-                f"filter = {channel_class!r}: must be raw or one of the classes "
-                f"{', '.join(map(str, CHANNEL_CLASSES))} (SAE J211)"
-            )
-        shapes = _shapes(shape)
-        thicknesses = _lengths("thickness", thickness, THICKNESSES, "50 mm is 0.05 m")
-        heights = _lengths("drop height", drop_height, HEIGHTS, "76 cm is 0.76 m")
-        pads = tuple(Pad(*each) for each in product(shapes, thicknesses, heights))
-        if len(pads) * drops > MOST_CURVES:
-            raise UserError(
-                f"{len(pads) * drops} curves: at most {MOST_CURVES} in one chart; leave out some "
+                f"{curves} curves: at most {MOST_CURVES} in one chart; leave out some "
                 "thicknesses, heights, shapes or drops"
             )
-        if static_stress is not None and static_range is not None:
+        if self.static_stress is not None and self.static_range is not None:
             raise UserError("static_stress, static_range: give one of them")
-        sizes = {"width": width, "depth": depth, "density": density}
-        asked = cls(
-            foam, called(foam), shapes, pads, {}, static_stress is None, drops, runs,
-            channel_class, points, sizes, None if tests is None else own_tests.read(Path(tests)),
-        )  # fmt: skip
-        if static_stress is not None:
-            given = sorted(_numbers("static_stress", static_stress, "4 kPa is 4000 Pa"))
-            first = dict.fromkeys(pads, given)
-        else:
-            ends = None if static_range is None else _range(static_range)
-            count = min(FIRST, points)
-            first = {pad: _spread(*(ends or asked.usual_range(pad)), count) for pad in pads}
-        for pad, statics in first.items():
-            plateau = asked.scene(pad, _LIGHT).foam.landmarks.plateau_stress
+        for pad, statics in self.first.items():
+            plateau = self.scene(pad, _LIGHT).foam.landmarks.plateau_stress
             if statics[-1] > plateau:
                 raise UserError(
                     f"static_stress = {statics[-1]:g} Pa: above the foam's plateau of "
                     f"{plateau:.4g} Pa: the product would crush a pad that it only stands on. Fix: "
                     "lower static stresses; 4 kPa is 4000 Pa"
                 )
-            asked.scene(pad, statics[-1])  # what else is wrong is told by its scene
-        return replace(asked, first=first)
+            self.scene(pad, statics[-1])  # what else is wrong is told by its scene
+
+    @cached_property
+    def first(self) -> dict[Pad, list[float]]:
+        """The static stresses [Pa] of the first wave. Raises UserError."""
+        if self.static_stress is not None:
+            given = sorted(_numbers("static_stress", self.static_stress, "4 kPa is 4000 Pa"))
+            return dict.fromkeys(self.pads, given)
+        ends = None if self.static_range is None else _range(self.static_range)
+        count = min(FIRST, self.points)
+        return {
+            pad: list(map(_rounded, np.geomspace(*(ends or self._usual_range(pad)), count)))
+            for pad in self.pads
+        }
 
     def scene(self, pad: Pad, static_stress: float) -> Scene:
         """The scene of a point."""
@@ -571,13 +562,12 @@ class _Asked:
             shape=self.shapes[pad.shape], **self.sizes,
         )  # fmt: skip
 
-    def usual_range(self, pad: Pad) -> tuple[float, float]:
+    def _usual_range(self, pad: Pad) -> tuple[float, float]:
         """Static stresses [Pa] between which the curve of a pad is of interest.
 
         Ribs and later drops have their optimum at a lower static stress than a flat pad's first.
         """
-        flat = Pad(FLAT, pad.thickness, pad.drop_height)
-        scene = replace(self, shapes={FLAT: FLAT}).scene(flat, _LIGHT)
+        scene = cushion_scene(self.foam, pad.thickness, pad.drop_height, _LIGHT, **self.sizes)
         e, s = stress_curve(scene)
         plateau = scene.foam.landmarks.plateau_stress
         low, high = energy.usual_range(e, s, pad.drop_height, pad.thickness, plateau)
@@ -602,7 +592,7 @@ class _Asked:
         text = "".join(scene.model_dump_json() for scene in scenes)
         return {
             "command": "cushion",
-            "foam": self.name,
+            "foam": called(self.foam),
             "shape": [*self.shapes],
             "thickness": sorted({pad.thickness for pad in self.pads}),
             "drop": sorted({pad.drop_height for pad in self.pads}),
@@ -610,7 +600,7 @@ class _Asked:
                 f"{pad.shape}, {pad.thickness:g} m, {pad.drop_height:g} m": statics
                 for pad, statics in self.first.items()
             },
-            "is_refined": self.is_refined,
+            "is_refined": self.static_stress is None,
             "drops": self.drops,
             "runs": self.runs,
             "filter": channel(self.channel_class),
@@ -637,11 +627,12 @@ def _found(
             if points:
                 done = _swept(asked, points, folder / f"{file_name(shape)}-{number}", how)
                 drops += _drops(asked, points, done)
+        drops.sort(key=lambda d: (asked.pads.index(d.pad), d.number, d.static_stress, d.run))
         found = CushionCurve(
-            asked.name, channel(asked.channel_class), asked.runs, tuple(_in_order(asked, drops)),
+            called(asked.foam), channel(asked.channel_class), asked.runs, tuple(drops),
             asked.scene(asked.pads[0], asked.first[asked.pads[0]][0]), asked.tests, target,
         )  # fmt: skip
-        wave = _next(asked, found) if asked.is_refined else {}
+        wave = _next(asked, found) if asked.static_stress is None else {}
         if not any(wave.values()):
             break
     return found
@@ -678,7 +669,7 @@ def _swept(
     ]
     kept = {} if asked.peak else {"histories": "float64"}
     plan = {
-        "name": f"{points[0][0].shape} pads of {asked.name}"[:100],
+        "name": f"{points[0][0].shape} pads of {called(asked.foam)}"[:100],
         "scene": scenes[0],
         "axes": axes,
         "paired": True,
@@ -691,8 +682,7 @@ def _swept(
 
 def _drops(asked: _Asked, points: Sequence[tuple[Pad, float]], done: Sweep) -> list[Drop]:
     """The figures of all drops of a sweep."""
-    peak = asked.peak
-    filtered_peaks = {} if peak else _filtered_peaks(done, asked.channel_class)
+    filtered_peaks = {} if asked.peak else _filtered_peaks(done, asked.channel_class)
     numbers = range(1, asked.drops + 1)
     wanted = [columns.drop_column(key, number) for number in numbers for key in asked.measures]
     rows = columns.read(done.shards(), [columns.MEMBER, "varied", "failure", *wanted]).to_pylist()
@@ -700,24 +690,14 @@ def _drops(asked: _Asked, points: Sequence[tuple[Pad, float]], done: Sweep) -> l
     for row in rows:
         place, run = divmod(row[columns.MEMBER], asked.runs)
         pad, static = points[place]
-        fall = math.sqrt(2.0 * STANDARD_GRAVITY * pad.drop_height)
+        velocity = row["varied"] or math.sqrt(2.0 * STANDARD_GRAVITY * pad.drop_height)
         for number in numbers:
-
-            def figure(key: str, row: Any = row, number: int = number) -> Any:
-                return row.get(columns.drop_column(key, number))
-
+            *peak, strain, bottomed = (
+                row.get(columns.drop_column(key, number)) for key in asked.measures
+            )
+            g = peak[0] if peak else filtered_peaks.get((row[columns.MEMBER], number))
             found.append(
-                Drop(
-                    pad,
-                    static,
-                    number,
-                    run,
-                    row["varied"] or fall,
-                    figure(peak) if peak else filtered_peaks.get((row[columns.MEMBER], number)),
-                    figure("max_strain"),
-                    figure("bottomed_out"),
-                    row["failure"],
-                )
+                Drop(pad, static, number, run, velocity, g, strain, bottomed, row["failure"])
             )
     return found
 
@@ -731,12 +711,6 @@ def _filtered_peaks(done: Sweep, channel_class: int | None) -> dict[tuple[int, i
         if np.isfinite(smooth).all():
             found[member, drop] = float(smooth.max()) / STANDARD_GRAVITY
     return found
-
-
-def _in_order(asked: _Asked, drops: Sequence[Drop]) -> list[Drop]:
-    """Drops by pad, number, static stress and run."""
-    places = {pad: place for place, pad in enumerate(asked.pads)}
-    return sorted(drops, key=lambda d: (places[d.pad], d.number, d.static_stress, d.run))
 
 
 def _shapes(shape: Any) -> dict[str, Any]:
@@ -785,11 +759,6 @@ def _range(ends: Any) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def _spread(low: float, high: float, count: int) -> list[float]:
-    """Evenly spread in the logarithm, both ends included, with four digits."""
-    return [_rounded(each) for each in np.geomspace(low, high, count)]
-
-
 def _rounded(value: float) -> float:
     return float(f"{value:.4g}")
 
@@ -797,23 +766,3 @@ def _rounded(value: float) -> float:
 def _check_count(name: str, value: Any, least: int, most: int) -> None:
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
         raise UserError(f"{name} = {value!r}: must be a whole number from {least} to {most}")
-
-
-def _median(values: Sequence[float | None]) -> float:
-    found = band(values).median
-    return found if math.isfinite(found) else math.nan
-
-
-def _share(values: Sequence[bool]) -> float:
-    return sum(values) / len(values)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _through(name: str) -> str:
-    """How a filter is named in a sentence."""
-    if name == "raw":
-        return "raw: means over 0.1 ms, through no filter"
-    return f"through the filter {name} (SAE J211)"

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from taichi_foam.analysis.measures import assumed_of
 from taichi_foam.cushions.cushion import WITHIN, Curve, CushionCurve
-from taichi_foam.cushions.shown import Units, units_named
+from taichi_foam.cushions.shown import Units
 from taichi_foam.formulas.energy import USUAL_PEAK
 from taichi_foam.picture.document import Section, Table, write
 from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank, plain_log
@@ -35,9 +35,8 @@ _WAYS = {
 colours, is told by colour, the others by panels."""
 
 
-def chart(found: CushionCurve, units: str = "si") -> Figure:
-    """Peaks over static stress: a panel for each family of curves. Raises UserError: `units`."""
-    system = units_named(units)
+def chart(found: CushionCurve, system: Units) -> Figure:
+    """Peaks over static stress: a panel for each family of curves."""
     by, families = _families(found.curves)
     telling = [way for way in _differences([family[0] for family in families]) if way != by]
     across = min(2, len(families))
@@ -59,17 +58,16 @@ def chart(found: CushionCurve, units: str = "si") -> Figure:
 
 
 def report(
-    found: CushionCurve, path: str | Path, units: str = "si", drawn: Figure | None = None
+    found: CushionCurve, path: str | Path, system: Units, drawn: Figure | None = None
 ) -> Path:
     """Write the report, and return its path; `drawn` is its chart if there is one already.
 
     Raises UserError.
     """
-    system = units_named(units)
     sections = [
         Section(
             "Peak deceleration over static stress",
-            figure=drawn or chart(found, units),
+            figure=drawn or chart(found, system),
             alt=f"Cushion curves of {found.foam}: peak deceleration in g over static stress in "
             f"{system.unit('stress')}; the minima are in the table below.",
             caption=" ".join(found.conditions),
@@ -170,10 +168,10 @@ def _draw_curve(
         axis.fill_between(between, low, high, color=colour, alpha=0.25, lw=0)
     axis.plot(between, middle, color=colour)
     axis.plot(x, median, "o", color=colour, ms=4)
-    balance = found.balance_of(curve)
-    if balance is not None:
-        fine = [system.of("stress", each) for each in balance.static_stress]
-        axis.plot(fine, balance.g, color=INK, ls=(0, (4, 2)), lw=1.2, zorder=3)
+    if curve.balance is not None:
+        fine = curve.balance.fine
+        g, across = curve.balance.g(fine), [system.of("stress", each) for each in fine]
+        axis.plot(across, g, color=INK, ls=(0, (4, 2)), lw=1.2, zorder=3)
     alike = found.tests_of(curve)
     if found.tests is not None and alike is not None:
         found.tests.draw(axis, alike, system.si("stress", 1.0), colour, markeredgecolor=INK)
@@ -286,20 +284,21 @@ def minima(found: CushionCurve, system: Units) -> Table:
     ]  # fmt: skip
     rows = []
     for curve, row in zip(found.curves, found.minima, strict=True):
-
-        def of(key: str, row: Any = row) -> str:
-            return _number(None if row[key] is None else system.of("stress", row[key]))
-
-        ends = [of(f"within_10_percent_{end}_Pa") for end in ("from", "to")]
+        static = {
+            key: _number(None if row[key] is None else system.of("stress", row[key]))
+            for key in row
+            if key.endswith("_Pa")
+        }
+        ends = [static[f"within_10_percent_{end}_Pa"] for end in ("from", "to")]
         rows.append(
             [
                 _words(curve, system, found.curves),
                 _number(row["least_peak_g"]) + ("" if row["is_bracketed"] else " *"),
-                of("at_static_stress_Pa"),
+                static["at_static_stress_Pa"],
                 " to ".join(ends),
-                of("bottoms_from_Pa"),
+                static["bottoms_from_Pa"],
                 _number(row["balance_least_peak_g"]),
-                of("balance_at_static_stress_Pa"),
+                static["balance_at_static_stress_Pa"],
             ]
         )
     note = f"Peaks are {found.filter}."
@@ -315,7 +314,7 @@ def _points(found: CushionCurve, system: Units) -> Table:
     ]  # fmt: skip
     rows = []
     for curve in found.curves:
-        balance = [None] * len(curve.median) if curve.balance is None else curve.balance
+        by_hand = curve.balance and curve.balance.g(curve.static_stress)
         for k, static in enumerate(curve.static_stress):
             rows.append(
                 [
@@ -323,7 +322,7 @@ def _points(found: CushionCurve, system: Units) -> Table:
                     system.number("stress", float(static)),
                     _number(curve.median[k]),
                     f"{_number(curve.low[k])} to {_number(curve.high[k])}",
-                    _number(balance[k]),
+                    _number(None if by_hand is None else by_hand[k]),
                     _number(100.0 * curve.strain[k]),
                     f"{100.0 * curve.bottomed[k]:.0f}",
                 ]
