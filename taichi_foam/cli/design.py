@@ -121,6 +121,6 @@ def design_command(
         if found.pads:
             terminal.show("", tables.reported(design_report.candidates_table(found), "Candidates"))
         if found.pad is not None:
-            made = design_report.checks_table(checks(found.pad, used, temperature))
+            made = design_report.checks_table(checks(found.pad, used))
             terminal.show("", tables.reported(made, "Checks"), "")
         terminal.where(folder)

@@ -46,9 +46,9 @@ class Check:
     source: str
 
 
-def checks(pad: Pad, units: Units, temperature: float | None = None) -> list[Check]:
-    """The checks of a pad; `temperature` is the most extreme of transport [C], None: not said."""
-    return [_creep(pad, units), _buckling(pad, units), _temperature(pad, temperature)]
+def checks(pad: Pad, units: Units) -> list[Check]:
+    """The checks of a pad."""
+    return [_creep(pad, units), _buckling(pad, units), _temperature(pad)]
 
 
 def _creep(pad: Pad, units: Units) -> Check:
@@ -76,24 +76,21 @@ def _buckling(pad: Pad, units: Units) -> Check:
     )
 
 
-def _temperature(pad: Pad, temperature: float | None) -> Check:
+def _temperature(pad: Pad) -> Check:
+    temperature = pad.wish.temperature
+    found = f"the curve is of about {TESTED_AT:g} C"
+    source = "curve: assumed to hold within 10 C of its test at 23 C"
     name = f"{pad.foam.name} {pad.foam.title}"
     known = next((each for each in _SERVICE if each[0].search(name)), None)
-    service = "" if known is None else f", service {known[1][0]:g} to {known[1][1]:g} C"
-    source = "curve: assumed to hold within 10 C of its test at 23 C"
     if known is not None:
+        found += f", service {known[1][0]:g} to {known[1][1]:g} C"
         source += f"; service: {known[2]}"
     if temperature is None:
-        return Check(
-            "temperature",
-            f"not given; the curve is of about {TESTED_AT:g} C{service}",
-            None,
-            source,
-        )
+        return Check("temperature", f"not given; {found}", None, source)
+    found = f"{temperature:g} C; {found}"
     holds: bool | None = abs(temperature - TESTED_AT) <= NEAR or None
     if known is not None and not known[1][0] <= temperature <= known[1][1]:
         holds = False
-    found = f"{temperature:g} C; the curve is of about {TESTED_AT:g} C{service}"
     if holds is None:
         found += "; beyond the curve's: test the foam there, `taichi-foam foam import`"
     return Check("temperature", found, holds, source)

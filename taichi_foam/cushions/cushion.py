@@ -289,7 +289,7 @@ class CushionCurve:
             median,
             high,
             np.array([band([drop.strain for drop in each]).median for each in runs]),
-            np.array([np.mean([drop.bottomed is not False for drop in each]) for each in runs]),
+            np.mean([[drop.bottomed is not False for drop in each] for each in runs], axis=1),
             balance,
         )
 

@@ -19,6 +19,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import ValidationError
+
 from taichi_foam.cushions import handling, own_tests, sizing, verify
 from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.cushions.scenes import FLAT, cushion_scene
@@ -27,8 +29,9 @@ from taichi_foam.cushions.sizing import Cushioning, Pad, Relaxed, Wish
 from taichi_foam.cushions.verify import Runs
 from taichi_foam.errors import UserError
 from taichi_foam.interrupts import held_interrupts
-from taichi_foam.results.files import write_csv
+from taichi_foam.results.files import write_csv, write_rows
 from taichi_foam.results.folders import Claim, claimed
+from taichi_foam.scene.messages import explain
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.units import STANDARD_GRAVITY
 
@@ -54,8 +57,6 @@ class Design:
     shape        of the pad
     candidates   the thinnest pad of each foam by the formulas, best first
     tried        ensembles, in the order in which they were computed; the last one holds if any does
-    dv_critical  critical velocity change of the product [m/s]; None: not given
-    temperature  most extreme temperature of transport [C]; None: not given
     tests        own cushion tests; None: not given
     by_mass      whether the drop height is that of ISTA 1A for the mass
     units        in which values are shown
@@ -66,8 +67,6 @@ class Design:
     shape: str
     candidates: Sequence[Pad]
     tried: Sequence[Runs] = ()
-    dv_critical: float | None = None
-    temperature: float | None = None
     tests: OwnTests | None = None
     by_mass: bool = False
     units: Units = UNITS["si"]
@@ -78,7 +77,8 @@ class Design:
 
         It is at most twice the velocity of impact, of a full rebound (damage boundary, ASTM D3332).
         """
-        return self.dv_critical is not None and 2.0 * self.velocity < self.dv_critical
+        critical = self.wish.dv_critical
+        return critical is not None and 2.0 * self.velocity < critical
 
     @property
     def velocity(self) -> float:
@@ -101,6 +101,11 @@ class Design:
     def misses(self) -> list[Relaxed]:
         """What to relax, the smallest change first, if nothing fits by the formulas."""
         return [] if self.candidates or self.harmless else sizing.relaxed(self.foams, self.wish)
+
+    @property
+    def shown(self) -> Pad | None:
+        """The pad that figures show: the best one, or the closest miss."""
+        return self.pad or (self.misses[0].pad if self.misses else None)
 
     @property
     def table(self) -> dict[str, list[Any]]:
@@ -190,20 +195,24 @@ def design(
             goes on from there.
     """
     shown_in = units_named(units)
-    if temperature is not None and not -100.0 <= temperature <= 200.0:
-        raise UserError(f"temperature = {temperature:g} C: must be from -100 to 200 C")
+    try:
+        wish = Wish(
+            mass=mass, fragility=fragility, drops=drops, max_thickness=max_thickness,
+            max_area=max_area, braced=braced, dv_critical=dv_critical, temperature=temperature,
+            drop=handling.drop_height(mass) if drop is None else drop,
+            stock=tuple(sorted(stock or handling.stock(units))),
+        )  # fmt: skip
+    except ValidationError as error:
+        raise UserError(explain(error, Wish)) from None
     found = Design(
-        wish=_wish(mass, fragility, drop, drops, stock or handling.stock(units),
-                   max_thickness, max_area, braced),
+        wish=wish,
         foams=[sizing.cushioning(name) for name in foams or sizing.known()],
         shape=shape,
         candidates=(),
-        dv_critical=_positive("dv_critical", dv_critical, "m/s", "2 to 8 m/s are usual"),
-        temperature=temperature,
         tests=None if tests is None else own_tests.read(Path(tests)),
         by_mass=drop is None,
         units=shown_in,
-    )  # fmt: skip
+    )
     if runs and not FEWEST <= runs <= MOST:
         raise UserError(f"runs = {runs}: must be 0, or {FEWEST} to {MOST}; 16 are a good number")
     if not found.harmless:
@@ -241,7 +250,8 @@ def _verified(
     tried: list[Runs] = []
     while waiting and len(tried) < MOST_TRIED and not (tried and tried[-1].hold):
         pad = waiting.pop(0)
-        folder = None if claim is None else claim.work / _folder(pad)
+        name = f"{pad.foam.label}-{1e3 * pad.thickness:.4g}mm"
+        folder = None if claim is None else claim.work / name
         what = f"{pad.foam.label} {found.units.text('length', pad.thickness)}, {count} runs"
         try:
             with bars.computing(what) as on_progress:
@@ -273,9 +283,9 @@ def _write(found: Design, folder: Path) -> None:
 
     write_csv(folder / TABLE, found.table)
     if found.tried:
-        write_csv(folder / RUNS, _members(found.tried))
-    for name, figure in design_figures.all_of(found).items():
-        style.save_all(figure, folder / name)
+        write_rows(folder / RUNS, _members(found.tried))
+    style.save_all(design_figures.curve(found), folder / "cushion-curve")
+    style.save_all(design_figures.thickness(found), folder / "thickness")
     design_report.write(found, folder / REPORT)
 
 
@@ -305,86 +315,36 @@ def _row(place: int, pad: Pad, runs: Runs | None) -> dict[str, Any]:
     }
 
 
-def _members(tried: Sequence[Runs]) -> dict[str, list[Any]]:
-    """Every run of every ensemble, one value for each, in SI units."""
-    columns: dict[str, list[Any]] = {}
-    for runs in tried:
-        count = len(runs.g)
-        for key, values in {
-            "foam": [runs.pad.foam.name] * count,
-            "thickness_m": [runs.pad.thickness] * count,
-            "static_stress_Pa": [runs.pad.static_stress] * count,
-            "velocity_m_s": runs.velocity,
-            "peak_cfc180_g": runs.g,
-            "peak_raw_g": runs.raw,
-            "strain": runs.strain,
-            "velocity_change_m_s": runs.change,
-        }.items():
-            columns.setdefault(key, []).extend(values)
-    return columns
-
-
-def _folder(pad: Pad) -> str:
-    return f"{pad.foam.label}-{1e3 * pad.thickness:.4g}mm"
+def _members(tried: Sequence[Runs]) -> list[dict[str, Any]]:
+    """A row for each run of every ensemble, in SI units."""
+    return [
+        {
+            "foam": runs.pad.foam.name,
+            "thickness_m": runs.pad.thickness,
+            "static_stress_Pa": runs.pad.static_stress,
+            "velocity_m_s": velocity,
+            "peak_cfc180_g": g,
+            "peak_raw_g": raw,
+            "strain": strain,
+            "velocity_change_m_s": change,
+        }
+        for runs in tried
+        for velocity, g, raw, strain, change in zip(
+            runs.velocity, runs.g, runs.raw, runs.strain, runs.change, strict=True
+        )
+    ]
 
 
 def _request(found: Design, runs: int) -> Mapping[str, Any]:
     """What determines the result, for the claim on its folder."""
-    wish, laws = found.wish, [each.foam.model_dump_json() for each in found.foams]
+    laws = [each.foam.model_dump_json() for each in found.foams]
     return {
         "command": "design",
-        "mass": wish.mass,
-        "drop": wish.drop,
-        "fragility": wish.fragility,
-        "drops": wish.drops,
-        "stock": list(wish.stock),
-        "max_thickness": wish.max_thickness,
-        "max_area": wish.max_area,
-        "braced": wish.braced,
+        **found.wish.model_dump(),
         "foams": [each.name for each in found.foams],
         "foams_sha256": hashlib.sha256("".join(laws).encode()).hexdigest(),
         "shape": found.shape,
-        "dv_critical": found.dv_critical,
-        "temperature": found.temperature,
         "tests": found.tests and found.tests.rows,
         "units": found.units.name,
         "runs": runs,
     }
-
-
-def _wish(
-    mass: float,
-    fragility: float,
-    drop: float | None,
-    drops: int,
-    stock: Sequence[float],
-    max_thickness: float | None,
-    max_area: float | None,
-    braced: bool,
-) -> Wish:
-    """The wish, checked. Raises UserError."""
-    _positive("mass", mass, "kg", "give the product's mass; 500 g is 0.5")
-    _positive("drop", drop, "m", "give the drop height; 76 cm is 0.76")
-    _positive("max_thickness", max_thickness, "m", "50 mm is 0.05")
-    _positive("max_area", max_area, "m2", "115 cm2 is 0.0115")
-    for each in stock:
-        _positive("stock", each, "m", "50 mm is 0.05")
-    if not (math.isfinite(fragility) and fragility >= 1.0):
-        raise UserError(
-            f"fragility = {fragility:g} g: must be at least 1 g, what the product carries at rest; "
-            "give it in g, not in m/s2: 15 to 25 g for the most fragile products, 40 to 60 g for "
-            "electronics"
-        )
-    if not 1 <= drops <= 20:
-        raise UserError(f"drops = {drops}: must be at least 1, at most 20")
-    height = handling.drop_height(mass) if drop is None else drop
-    return Wish(
-        mass, height, fragility, drops, tuple(sorted(stock)), max_thickness, max_area, braced
-    )
-
-
-def _positive(name: str, value: float | None, unit: str, fix: str) -> float | None:
-    """A value that must be above 0, or None. Raises UserError."""
-    if value is not None and not (math.isfinite(value) and value > 0.0):
-        raise UserError(f"{name} = {value:g} {unit}: must be above 0; {fix}")
-    return value

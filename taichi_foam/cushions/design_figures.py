@@ -47,20 +47,9 @@ _NAMED = 3
 """Most foams that a legend names beside one curve."""
 
 
-def all_of(found: Design) -> dict[str, Figure]:
-    """The figures of a design, by the name of their files."""
-    return {"cushion-curve": curve(found), "thickness": thickness(found)}
-
-
-def shown_pad(found: Design) -> Pad | None:
-    """The pad that figures show: the best one, or the closest miss."""
-    misses = found.misses
-    return found.pad or (misses[0].pad if misses else None)
-
-
 def curve(found: Design) -> Figure:
     """Peak over static stress of one foam and drop height, for neighbouring thicknesses."""
-    pad, units, wish = shown_pad(found), found.units, found.wish
+    pad, units, wish = found.shown, found.units, found.wish
     with mpl.rc_context(STYLE):
         figure = blank(8.0, 6.2)
         axis = figure.subplots()

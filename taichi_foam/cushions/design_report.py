@@ -45,12 +45,12 @@ def lead(found: Design) -> list[str]:
         f"fragility {wish.fragility:g} g."
     )
     if found.harmless:
-        assert found.dv_critical is not None
+        assert wish.dv_critical is not None
         return [
             asked,
             f"No cushion is needed: the product hits at {units.text('velocity', found.velocity)}, "
             f"and its velocity changes by twice that at most, below the critical "
-            f"{units.text('velocity', found.dv_critical)} (damage boundary, ASTM D3332).",
+            f"{units.text('velocity', wish.dv_critical)} (damage boundary, ASTM D3332).",
         ]
     chosen = found.chosen
     if chosen is not None:
@@ -121,14 +121,14 @@ def _verdicts(found: Design, runs: Runs) -> list[str]:
         "are left.",
         _range(found, pad),
     ]
-    change = max(runs.change)
-    if found.dv_critical is not None and math.isfinite(change):
-        below = "below" if change < found.dv_critical else "not below"
+    change, critical = max(runs.change), found.wish.dv_critical
+    if critical is not None and math.isfinite(change):
+        below = "below" if change < critical else "not below"
         said.append(
             f"The velocity changes by up to {found.units.text('velocity', change)}, {below} the "
-            f"critical {found.units.text('velocity', found.dv_critical)}."
+            f"critical {found.units.text('velocity', critical)}."
         )
-    failing = [each for each in checks(pad, found.units, found.temperature) if each.holds is False]
+    failing = [each for each in checks(pad, found.units) if each.holds is False]
     said += [f"Check {each.name}: {each.found}." for each in failing]
     return said
 
@@ -215,7 +215,7 @@ def tests_table(tests: OwnTests, pad: Pad, units: Units) -> Table:
 
 def write(found: Design, path: str | Path) -> Path:
     """Write the report as one HTML file. Raises UserError."""
-    pad = design_figures.shown_pad(found)
+    pad = found.shown
     sections = []
     if pad is not None:
         sections = [
@@ -238,7 +238,7 @@ def write(found: Design, path: str | Path) -> Path:
     if found.pads:
         sections.append(Section("Candidates", table=candidates_table(found)))
     if pad is not None:
-        made = checks(pad, found.units, found.temperature)
+        made = checks(pad, found.units)
         heading = "Checks" if found.pad is not None else "Checks of the closest miss"
         sections.append(Section(heading, table=checks_table(made)))
         foam = pad.foam
@@ -256,16 +256,12 @@ def write(found: Design, path: str | Path) -> Path:
         sections.append(Section("Doubts about the runs", warnings))
     sections.append(Section("How it was found", _METHOD))
     sections.append(Section("What was not looked at", _not_looked_at(found)))
-    return document.write(path, title(found), lead(found), sections)
-
-
-def title(found: Design) -> str:
-    """The title of the report."""
     wish, units = found.wish, found.units
-    return (
+    title = (
         f"A cushion for {units.text('mass', wish.mass)}, {wish.fragility:g} g, a fall of "
         f"{units.text('height', wish.drop)}"
     )
+    return document.write(path, title, lead(found), sections)
 
 
 def _not_looked_at(found: Design) -> list[str]:

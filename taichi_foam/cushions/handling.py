@@ -31,7 +31,7 @@ def drop_height(mass: float) -> float:
     Raises UserError: it is heavier than the procedure's products.
     """
     for most, height in ISTA_1A:
-        if mass <= most:
+        if not mass > most:  # NaN is no mass of a wish
             return height
     raise UserError(
         f"mass = {mass:g} kg: ISTA 1A is for products of up to {ISTA_1A[-1][0]:g} kg, so that no "

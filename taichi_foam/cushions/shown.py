@@ -41,13 +41,13 @@ class Units:
 UNITS = {
     "si": Units("si", {
         "length": ("mm", 1e-3), "height": ("m", 1.0), "area": ("cm²", 1e-4), "mass": ("kg", 1.0),
-        "stress": ("kPa", 1e3), "volume": ("cm³", 1e-6), "density": ("kg/m³", 1.0),
-        "energy": ("kJ/m³", 1e3), "velocity": ("m/s", 1.0),
+        "stress": ("kPa", 1e3), "density": ("kg/m³", 1.0), "energy": ("kJ/m³", 1e3),
+        "velocity": ("m/s", 1.0),
     }),
     "us": Units("us", {
         "length": ("in", INCH), "height": ("in", INCH), "area": ("in²", INCH**2),
         "mass": ("lb", POUND), "stress": ("psi", STRESS_UNITS["psi"]),
-        "volume": ("in³", INCH**3), "density": ("lb/ft³", POUND / (12.0 * INCH) ** 3),
+        "density": ("lb/ft³", POUND / (12.0 * INCH) ** 3),
         "energy": ("in·lb/in³", STRESS_UNITS["psi"]), "velocity": ("in/s", INCH),
     }),
 }  # fmt: skip

@@ -21,12 +21,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from taichi_foam.cushions.scenes import called
 from taichi_foam.errors import UserError
@@ -34,6 +36,7 @@ from taichi_foam.formulas.energy import absorbed_energy
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.curve import PLATEAU
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.parts import Part, choice, quantity
 from taichi_foam.scene import Block, library
 from taichi_foam.units import STANDARD_GRAVITY
 
@@ -197,28 +200,35 @@ def _again(foam: Cushioning, static: Array, worst: Array, fall: float) -> Array:
     return high
 
 
-@dataclass(frozen=True)
-class Wish:
-    """What a cushion is to do. SI units.
+class Wish(Part):
+    """What a cushion is to do. SI units."""
 
-    mass           of the product
-    drop           drop height
-    fragility      largest deceleration that the product survives [g]
-    drops          falls that it must survive on one cushion
-    stock          thicknesses to choose from
-    max_thickness  largest of them that has room; None: any
-    max_area       largest area of the pad, such as the product's face; None: any
-    braced         whether pads are held at their sides, so that tall ones do not buckle
-    """
-
-    mass: float
-    drop: float
-    fragility: float
-    drops: int
-    stock: tuple[float, ...]
-    max_thickness: float | None = None
-    max_area: float | None = None
-    braced: bool = False
+    mass: float = quantity(..., "kg", "of the product", above=0)
+    drop: float = quantity(..., "m", "drop height", above=0)
+    fragility: float = quantity(
+        ...,
+        "g",
+        "largest deceleration that the product survives",
+        at_least=1,
+        fix="it is in g, not in m/s2: 15 to 25 g for the most fragile products, 40 to 60 g for "
+        "electronics; 1 g is what a product carries at rest",
+    )
+    drops: int = quantity(1, "-", "falls that it survives on one cushion", at_least=1, at_most=20)
+    stock: tuple[Annotated[float, Field(gt=0)], ...] = Field(
+        description="thicknesses to choose from [m]",
+        json_schema_extra={"allowed": "above 0 m", "fix": "50 mm is 0.05"},
+    )
+    max_thickness: float | None = quantity(None, "m", "largest one that has room", above=0)
+    max_area: float | None = quantity(
+        None, "m2", "largest area of the pad", above=0, fix="115 cm2 is 0.0115"
+    )
+    braced: bool = choice(False, "pads are held at their sides, so that tall ones do not buckle")
+    dv_critical: float | None = quantity(
+        None, "m/s", "critical velocity change of the product", above=0, fix="2 to 8 are usual"
+    )
+    temperature: float | None = quantity(
+        None, "C", "most extreme one of transport", at_least=-100, at_most=200, fix="0 C is 32 F"
+    )
 
     @property
     def weight(self) -> float:
@@ -346,14 +356,14 @@ def relaxed(foams: Sequence[Cushioning], wish: Wish) -> list[Relaxed]:
     ]
     if wish.max_thickness is not None:
         for each in sorted(wish.stock):
-            wider = replace(wish, max_thickness=each)
+            wider = wish.with_computed(max_thickness=each)
             if each > wish.max_thickness and (pads := candidates(foams, wider)):
                 change = each / wish.max_thickness - 1.0
                 found.append(Relaxed("max_thickness", each, change, pads[0]))
                 break
     if wish.max_area is not None:
         found.append(_searched(foams, wish, "max_area", 100.0))
-    if not wish.braced and (pads := candidates(foams, replace(wish, braced=True))):
+    if not wish.braced and (pads := candidates(foams, wish.with_computed(braced=True))):
         found.append(Relaxed("braced", 1.0, 1.0, pads[0]))
     return sorted((each for each in found if each is not None), key=lambda each: abs(each.by))
 
@@ -363,7 +373,7 @@ def _searched(foams: Sequence[Cushioning], wish: Wish, key: str, most: float) ->
     value = getattr(wish, key)
 
     def fitting(power: float) -> list[Pad]:
-        return candidates(foams, replace(wish, **{key: value * most**power}))
+        return candidates(foams, wish.with_computed(**{key: value * most**power}))
 
     pads, low, high = fitting(1.0), 0.0, 1.0
     if not pads:

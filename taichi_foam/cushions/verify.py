@@ -7,7 +7,7 @@ and no drop is exactly as high as the next; strengths have other seeds where a f
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,54 +103,33 @@ def runs(
     Raises UserError, RunError as `simulate_many`; KeyboardInterrupt on Ctrl-C.
     """
     asked = scenes(pad, shape, count)
-    results: list[Result] = []
-    found: list[Runs] = []
+    drops: list[list[Result]] = []
     for number in range(pad.wish.drops):
         folder = None if checkpoint is None else checkpoint / drop_name(number + 1)
+        before = drops[-1] if drops else ()
         ended = dict(
             simulate_many(
-                asked, on_progress, after=results, checkpoint=folder, arch=arch, threads=threads
+                asked, on_progress, after=before, checkpoint=folder, arch=arch, threads=threads
             )
         )
-        results = [ended[place] for place in sorted(ended)]
-        found.append(_of_results(pad, asked, results))
-        if any(result.failure for result in results):
+        drops.append([ended[place] for place in sorted(ended)])
+        if any(result.failure for result in drops[-1]):
             break
-    return _worst(found)
+    of_run = list(zip(*drops, strict=True))
 
-
-def _worst(found: Sequence[Runs]) -> Runs:
-    """The largest figures of each run over drops in a row."""
-
-    def largest(name: str) -> list[float]:
-        return [max(values) for values in zip(*(getattr(f, name) for f in found), strict=True)]
-
-    first = found[0]
-    return Runs(
-        first.pad,
-        first.velocity,
-        largest("g"),
-        largest("raw"),
-        largest("strain"),
-        largest("change"),
-        list(dict.fromkeys(text for each in found for text in each.warnings)),
-    )
-
-
-def _of_results(pad: Pad, asked: Sequence[Scene], results: Sequence[Result]) -> Runs:
-    summaries = [result.summary for result in results]
-
-    def column(key: str) -> list[float]:
+    def largest(key: str) -> list[float]:
         """A figure of all runs; one that has none, as of a failed run, counts as larger."""
-        return [math.inf if each[key] is None else float(each[key]) for each in summaries]
+        figures = [[result.summary[key] for result in results] for results in of_run]
+        return [math.inf if None in each else float(max(each)) for each in figures]
 
+    # a run that failed has a peak so far, but may have had a larger one
+    failed = [any(result.failure for result in results) for results in of_run]
     return Runs(
         pad,
         [scene.impactor.velocity for scene in asked if scene.impactor is not None],
-        # a run that failed has a peak so far, but may have had a larger one
-        [math.inf if r.failure else g for r, g in zip(results, column(KEY), strict=True)],
-        column("peak_deceleration_g"),
-        column("max_strain"),
-        column("velocity_change_m_s"),
-        list(dict.fromkeys(text for result in results for text in result.warnings)),
+        [math.inf if fails else g for fails, g in zip(failed, largest(KEY), strict=True)],
+        largest("peak_deceleration_g"),
+        largest("max_strain"),
+        largest("velocity_change_m_s"),
+        list(dict.fromkeys(text for each in drops for result in each for text in result.warnings)),
     )

@@ -120,7 +120,8 @@ def test_checks_name_their_limits() -> None:
     pad = tf.design(5.0, 40.0, foams=["eps-18.4"], runs=0).candidates[0]
 
     def verdicts(pad: Pad, temperature: float | None = None) -> list[bool | None]:
-        return [each.holds for each in checks.checks(pad, UNITS["si"], temperature)]
+        wish = pad.wish.with_computed(temperature=temperature)
+        return [each.holds for each in checks.checks(replace(pad, wish=wish), UNITS["si"])]
 
     assert verdicts(pad) == [True, True, None]
     assert verdicts(pad, 25.0) == [True, True, True]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -92,11 +91,11 @@ def test_a_miss_says_what_to_relax_by_how_much(foams: list[sizing.Cushioning]) -
     assert {each.key for each in found} == {"fragility", "drop", "max_thickness"}
     assert [abs(each.by) for each in found] == sorted(abs(each.by) for each in found)
     for each in found:
-        enough = replace(wish(5.0, 40.0, max_thickness=0.02), **{each.key: each.value})
+        enough = wish(5.0, 40.0, max_thickness=0.02).with_computed(**{each.key: each.value})
         assert sizing.candidates(foams, enough)
         if each.key != "max_thickness":
             nearly = {each.key: each.value * (0.98 if each.by > 0 else 1.02)}
-            assert not sizing.candidates(foams, replace(enough, **nearly))
+            assert not sizing.candidates(foams, enough.with_computed(**nearly))
 
 
 def test_a_light_fragile_product_needs_pads_that_are_held(foams: list[sizing.Cushioning]) -> None:
