@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from taichi_foam.calibration.emulator import LEAST_RUNS, Emulator, emulator_of, spreads
 from taichi_foam.calibration.outcome import Calibration
@@ -294,13 +295,9 @@ def target_of(
     size = np.abs(values)
     if reading is not None:
         level = np.full(len(reading.figures) - 1, reading.level)
-        values = np.concatenate([reading.figures, values])
         size = np.concatenate([reading.figures[:1], level, size])
-        count = len(reading.figures)
-        whole = np.zeros((len(values), len(values)))
-        whole[:count, :count] = reading.covariance
-        whole[count:, count:] = covariance
-        covariance = whole
+        values = np.concatenate([reading.figures, values])
+        covariance = np.asarray(block_diag(reading.covariance, covariance), dtype=np.float64)
     return Target(emulator, values[kept], covariance[np.ix_(kept, kept)], size[kept])
 
 

@@ -24,13 +24,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.formulas.traces import channel, filtered
+from taichi_foam.formulas.traces import channel, check_rate, filtered, sampled
 from taichi_foam.scene import Scene
-from taichi_foam.scene.traces import read_trace
+from taichi_foam.scene.traces import FEWEST, read_trace
 
 Array = NDArray[np.float64]
 
-LEAST_SAMPLES = 10
 LEAST_NOISE = 0.01
 """Least noise of a measured trace, as a part of its peak, if none is given."""
 
@@ -216,8 +215,14 @@ def reading_of(
     Raises:
         UserError: times that do not increase, too few samples for the filter, or no peak.
     """
-    _check(trace, channel_class)
-    t, a, notes = trace.time, trace.deceleration, list[str]()
+    try:
+        t, a = sampled(trace.time, trace.deceleration)
+        check_rate(t, channel_class)
+    except UserError as error:
+        raise UserError(f"{trace.name}: {error}") from None
+    if len(t) < FEWEST:
+        raise UserError(f"{trace.name}: {len(t)} samples: must be at least {FEWEST}")
+    notes: list[str] = []
     whole = Reader(channel_class, _ONSET, 1.0)
     at, smooth = whole._filtered(t, a)
     if -smooth.min() > smooth.max():
@@ -228,7 +233,7 @@ def reading_of(
     if offset is None:
         # two cycles of the filter before the onset nothing of the pulse is seen
         before = t < at[int(np.argmax(smooth >= _ONSET * peak))] - 2.0 / channel_class
-        if before.sum() < LEAST_SAMPLES:
+        if before.sum() < FEWEST:
             before[:] = False
         offset = float(a[before].mean()) if before.any() else 0.0
         if offset:
@@ -297,28 +302,3 @@ def doubt(count: int, figures: int) -> float:
     2007, Astronomy & Astrophysics 464, 399).
     """
     return (count - 1) / max(count - figures - 2, 1)
-
-
-def _check(trace: Measured, channel_class: int) -> None:
-    """Raise UserError for a trace that cannot be read."""
-    t, a, name = trace.time, trace.deceleration, trace.name
-    if t.ndim != 1 or t.shape != a.shape or len(t) < LEAST_SAMPLES:
-        raise UserError(
-            f"{name}: {len(np.atleast_1d(t))} samples of time and {len(np.atleast_1d(a))} of "
-            f"deceleration; needs equally many of both, at least {LEAST_SAMPLES}"
-        )
-    if not (np.isfinite(t).all() and np.isfinite(a).all()):
-        raise UserError(f"{name}: a value is not finite; remove its line")
-    back = np.flatnonzero(np.diff(t) <= 0)
-    if back.size:
-        n = int(back[0])
-        raise UserError(
-            f"{name}: time runs from {t[n]:g} s to {t[n + 1]:g} s in sample {n + 2}; times must "
-            "increase. Fix: sort the lines, or take one test out of the file"
-        )
-    rate = 1.0 / float(np.median(np.diff(t)))
-    if rate * 1.001 < 10 * channel_class:
-        raise UserError(
-            f"{name}: {rate:.4g} samples a second; CFC {channel_class} needs "
-            f"{10 * channel_class:,} (SAE J211). Fix: choose a lower channel class"
-        )

@@ -137,7 +137,8 @@ def runs_of(found: Sweep, space: Space, reader: Reader | None, measures: Sequenc
         for place, row in enumerate(rows):
             if failures[place] is None:
                 time, deceleration = traces[row[table.MEMBER]]
-                series[place] = _series(reader, time, deceleration + gravity)
+                if len(time) > 2:  # rows are means over the intervals that end there
+                    series[place] = reader.series(time, deceleration + gravity, means=True)
                 if np.isnan(series[place]).any():
                     failures[place] = "its trace has no peak"
     for place, (row, reason) in enumerate(zip(rows, failures, strict=True)):
@@ -147,13 +148,6 @@ def runs_of(found: Sweep, space: Space, reader: Reader | None, measures: Sequenc
         if failures[place] is not None:
             figures[place] = series[place] = np.nan
     return Runs(values, series, figures, tuple(failures))
-
-
-def _series(reader: Reader, time: Array, deceleration: Array) -> Array:
-    """The filtered trace of a run, whose rows are means over the intervals that end there."""
-    if len(time) < 3:
-        return np.full(len(reader.time), np.nan)
-    return reader.series(time, deceleration, means=True)
 
 
 def traces_of(found: Sweep) -> dict[int, tuple[Array, Array]]:

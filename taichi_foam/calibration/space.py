@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from taichi_foam.errors import UserError
 from taichi_foam.scene import Scene
 from taichi_foam.scene.paths import by_key
+from taichi_foam.sweeps.sampling import between
 
 Array = NDArray[np.float64]
 
@@ -28,9 +29,7 @@ class Range:
 
     def value(self, unit: Array) -> Array:
         """Values at coordinates from 0 to 1."""
-        if self.log:
-            return self.low * (self.high / self.low) ** unit
-        return self.low + unit * (self.high - self.low)
+        return between(self.low, self.high, self.log, unit)
 
     def unit(self, value: Array) -> Array:
         """Coordinates of values."""

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.cushions.scenes import stress_over
 from taichi_foam.cushions.shown import units_named
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy as formulas
@@ -91,8 +92,7 @@ class Absorber:
     @cached_property
     def shoulder(self) -> int:
         """Index of the point of the largest efficiency, where densification begins."""
-        onset = formulas.densification_onset(self.strain, self.stress)
-        return int(np.searchsorted(self.strain, onset))
+        return int(np.argmax(self.efficiency))
 
     @property
     def densifies(self) -> bool:
@@ -285,12 +285,7 @@ def _of_law(foam: BondFoam, name: str, title: str) -> Absorber:
     marks = foam.landmarks
     ends = [-marks.crush_start, -marks.crush_end]
     strain = np.union1d(np.linspace(0.0, -marks.limit, POINTS), ends)
-    stress = foam.loading(strain)
-    if stress is None:
-        raise UserError(
-            f"foam {name}: its law {foam.law!r} states no stress over strain; choose a foam with a "
-            "curve (`taichi-foam foam list`)"
-        )
+    stress = stress_over(foam, strain, f"foam {name}")
     known = stress <= STEEP * marks.plateau_stress
     return Absorber(name, title, "", None, strain[known], stress[known], marks.plateau_stress)
 

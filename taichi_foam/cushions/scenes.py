@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import BondFoam
 from taichi_foam.parts import is_number
 from taichi_foam.scene import Scene
 from taichi_foam.scene.library import is_test, read_corners
@@ -125,13 +126,21 @@ def stress_curve(scene: Scene) -> tuple[Array, Array]:
     Raises UserError: its law states no stress.
     """
     strain = np.linspace(0.0, min(-scene.foam.landmarks.limit, 1.0), _STRAINS)
-    stress = scene.foam.loading(strain)
+    return strain, stress_over(scene.foam, strain, "foam")
+
+
+def stress_over(foam: BondFoam, strain: Array, asked: str) -> Array:
+    """(n,) stresses [Pa] of a foam at strains (n,), both positive in compression.
+
+    Raises UserError, which begins with `asked`: its law states no stress.
+    """
+    stress = foam.loading(strain)
     if stress is None:
         raise UserError(
-            f"foam: its law, {scene.foam.law}, states no stress, so that there is no energy "
-            "balance. Fix: give a foam with a curve"
+            f"{asked}: its law {foam.law!r} states no stress over strain, which the energy balance "
+            "needs; choose a foam with a curve (`taichi-foam foam list`)"
         )
-    return strain, stress
+    return stress
 
 
 def called(foam: Any) -> str:

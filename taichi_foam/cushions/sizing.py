@@ -30,8 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from taichi_foam.cushions.scenes import called
-from taichi_foam.errors import UserError
+from taichi_foam.cushions.scenes import called, stress_over
 from taichi_foam.formulas.energy import absorbed_energy
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.curve import PLATEAU
@@ -105,9 +104,7 @@ class Cushioning:
     @cached_property
     def stress(self) -> Array:
         """(n,) static stress there [Pa], positive."""
-        found = self.foam.loading(self.strain)
-        assert found is not None  # `cushioning` has checked it
-        return found
+        return stress_over(self.foam, self.strain, f"foam = {self.name}")
 
     @cached_property
     def energy(self) -> Array:
@@ -406,10 +403,6 @@ def cushioning(name: str) -> Cushioning:
         density = Block().density
         said = (f"block.density: {density:g} kg/m3, of the paper's foam", *said)
         return Cushioning(name, f"the test in {file}", file, said, density, made)
-    if found.foam.loading(np.zeros(1)) is None:
-        raise UserError(
-            f"foam = {name}: its law {found.foam.law!r} states no stress over strain, which the "
-            "formulas need; choose a foam with a curve (`taichi-foam foam list`)"
-        )
+    stress_over(found.foam, np.zeros(1), f"foam = {name}")  # refused before anything is tried
     assumed = tuple(f"{each.key}: {each.why}" for each in found.assumed)
     return Cushioning(name, found.title, found.source, assumed, found.density, found.foam)

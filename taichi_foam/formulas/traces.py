@@ -54,6 +54,16 @@ def check_channel_class(channel_class: int) -> None:
         )
 
 
+def check_rate(time: Array, channel_class: int) -> None:
+    """Raise UserError if times [s] are too far apart for a class."""
+    step, least = float(np.median(np.diff(time))), LEAST_SAMPLES * channel_class
+    if step * least > 1.001:  # a rate given by rounded times may be a little below what it is
+        raise UserError(
+            f"{1.0 / step:.4g} samples/s: must be at least {least:,} for CFC {channel_class} "
+            "(SAE J211); take a lower channel class, or sample faster"
+        )
+
+
 def filtered(
     time: ArrayLike, values: ArrayLike, channel_class: int, *, means: bool = False
 ) -> Array:
@@ -75,17 +85,13 @@ def filtered(
         return np.full_like(raw, np.nan)
     if t.size < 2:
         return np.zeros_like(raw) if means else raw.copy()
+    _check_rising(t)
     widths = np.diff(t)
-    _check_rising(widths)
     step, scale = float(np.median(widths)), 180 / channel_class
     if means:
         step = min(step, _FINEST * scale)
-    # a rate given by rounded times may be a little below what it is
-    elif step * LEAST_SAMPLES * channel_class > 1.001:
-        raise UserError(
-            f"{1.0 / step:.4g} samples/s: must be at least {LEAST_SAMPLES * channel_class:,} for "
-            f"CFC {channel_class} (SAE J211); take a lower channel class, or sample faster"
-        )
+    else:
+        check_rate(t, channel_class)
     pad = int(np.ceil(_PAD * scale / step))
     count = int(np.ceil((t[-1] - t[0]) / step))
     edges = t[0] + step * np.arange(-pad, count + pad + 1)
@@ -107,8 +113,8 @@ def sampled(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     t, raw = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
     _check_lengths(t, raw)
     if raw.size < 2 or not (np.isfinite(t).all() and np.isfinite(raw).all()):
-        raise UserError(f"trace of {raw.size} values: must be at least two, all finite")
-    _check_rising(np.diff(t))
+        raise UserError(f"{raw.size} samples: must be at least two, all finite")
+    _check_rising(t)
     return t, raw
 
 
@@ -209,9 +215,14 @@ def _check_lengths(time: Array, values: Array) -> None:
         raise UserError(f"time {time.shape} and values {values.shape} must be equal in length")
 
 
-def _check_rising(widths: Array) -> None:
-    if not (widths > 0).all():
-        raise UserError("time must increase from value to value; sort them")
+def _check_rising(time: Array) -> None:
+    back = np.flatnonzero(~(np.diff(time) > 0.0))
+    if back.size:
+        n = int(back[0])
+        raise UserError(
+            f"time runs from {time[n]:g} s to {time[n + 1]:g} s in sample {n + 2}: time must "
+            "increase from value to value; sort them, or give one test only"
+        )
 
 
 def _before(time: Array, values: Array, top: int, level: float) -> float:

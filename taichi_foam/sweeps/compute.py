@@ -82,9 +82,8 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
         begun = time.perf_counter()
         member = members[place]
         if drop == 1:
-            rows[member.number] = table.row(member, result, kept.measures)
-        else:
-            table.add_drop(rows[member.number], drop, result, kept.measures)
+            rows[member.number] = table.row(member)
+        table.add_impact(rows[member.number], drop, result, kept.measures)
         if kept.histories != "none":
             histories.setdefault(member.number, []).append(result)
         if kept.full == "all" or member.number in kept.full:

@@ -25,6 +25,8 @@ from taichi_foam.scene.paths import by_key
 from taichi_foam.scene.values import changed
 from taichi_foam.sweeps.plan import Axis, Method, Plan
 
+Floats = NDArray[np.float64]
+
 # Seeds of scattered strengths are 32 bits wide.
 _SEEDS = 2**32
 
@@ -176,7 +178,7 @@ def seed_of(first: int, repeat: int) -> int:
     return (first + repeat) % _SEEDS
 
 
-def unit_points(method: Method, dimension: int, count: int, seed: int) -> NDArray[np.float64]:
+def unit_points(method: Method, dimension: int, count: int, seed: int) -> Floats:
     """Points (count, dimension) of a scrambled sample, with coordinates from 0 to 1."""
     from scipy.stats import qmc
 
@@ -186,6 +188,11 @@ def unit_points(method: Method, dimension: int, count: int, seed: int) -> NDArra
         # SciPy calls it rng since 1.15, and still accepts the older name
         more: Any = {"seed": np.random.default_rng(seed)}
         return kind(dimension, **more).random(count)
+
+
+def between(low: float, high: float, is_log: bool, unit: Floats) -> Floats:
+    """Values at coordinates from 0 to 1 of a range, even in the value or in its logarithm."""
+    return low * (high / low) ** unit if is_log else low + unit * (high - low)
 
 
 def _numbers(axis: Axis, usual: Any) -> list[list[Any]]:
@@ -257,8 +264,7 @@ def _drawn(plan: Plan, ranges: Sequence[Axis], whole: set[str]) -> list[list[Any
     columns = []
     for axis, u in zip(ranges, unit.T, strict=True):
         low, high = _ends(axis)
-        is_log = axis.spacing == "log"
-        values = low * (high / low) ** u if is_log else low + u * (high - low)
+        values = between(low, high, axis.spacing == "log", u)
         if axis.key in whole:
             values = np.floor(low + u * (high - low + 1)).clip(low, high).astype(int)
         columns.append(values.tolist())

@@ -24,7 +24,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError, installed
 from taichi_foam.results.files import LEFTOVER, whole_file, write_json
@@ -36,10 +41,6 @@ from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.sampling import Design, Member
 from taichi_foam.sweeps.table import Shard
 from taichi_foam.version import version
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 MARK = "sweep.json"
 SCRATCH = ".workers"
@@ -195,9 +196,6 @@ class Sweep:
 
     def drop_damaged(self) -> list[range]:
         """Remove and return unreadable chunks, which a crash of the machine may leave."""
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         damaged = []
         for chunk in self.finished():
             paths = [self.chunk_file(chunk)]

@@ -10,17 +10,18 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from taichi_foam.records.record import Record
 from taichi_foam.results.files import plain, whole_file
 from taichi_foam.results.result import Result
 from taichi_foam.sweeps.sampling import Design, Member
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pyarrow as pa
-    from numpy.typing import NDArray
 
 MACHINE = ("wall_s", "node_stages_per_s")
 """Columns on computing speed: all others are the same on any machine."""
@@ -49,57 +50,42 @@ class Shard(NamedTuple):
     skipped: int = 0
 
 
-def row(member: Member, result: Result, wanted: Sequence[str] | None = None) -> dict[str, Any]:
-    """The row of a drop that was computed, with the `wanted` measures; None: all."""
-    failure = result.failure
-    measures: Mapping[str, Any] = {}
-    try:
-        measures = _measures(result, wanted)
-    except Exception as error:  # one drop that cannot be measured must not spoil the others
-        failure = failure or f"no measures: {type(error).__name__}: {error}"
-    return {
-        **_head(member.number, member.hash, member.axes, member.repeat, member.varied),
-        "ending": result.ending and result.ending.value,
-        "failure": failure,
-        **measures,
-    }
+def row(member: Member) -> dict[str, Any]:
+    """The row of a drop, to which its impacts are added."""
+    return _row(member.number, member.hash, member.axes, member.repeat, member.varied)
 
 
-def _measures(
-    result: Result, wanted: Sequence[str] | None, left_out: Sequence[str] = _LEFT_OUT
-) -> dict[str, Any]:
-    """The cells of measures, all of them if `wanted` is None, but for those `left_out`."""
-    found = result.summary if wanted is None else result.measured(wanted)
-    return {key: _cell(value) for key, value in found.items() if key not in left_out}
+def row_without_scene(design: Design, number: int, reason: str) -> dict[str, Any]:
+    """The row of a drop whose values make an invalid scene, or that was lost."""
+    return _row(number, None, *design.axes(number), None, reason)
 
 
-def add_drop(
+def add_impact(
     row: dict[str, Any], drop: int, result: Result, wanted: Sequence[str] | None = None
 ) -> None:
-    """Add the measures of a later impact on the same block, as `drop_2_...`, to a member's row."""
-    if result.failure:
-        row["failure"] = row["failure"] or f"drop {drop}: {result.failure}"
-    left_out = (*_LEFT_OUT, *MACHINE, "drop", "assumed")
+    """Add an impact on a member's block to its row, with the `wanted` measures; None: all.
+
+    Measures of later impacts, `drop` from 1, are `drop_2_...` and so on.
+    """
+    begin, left_out, failure = "", _LEFT_OUT, result.failure
+    if drop == 1:
+        row["ending"] = result.ending and result.ending.value
+    else:
+        begin, left_out = f"drop {drop}: ", (*_LEFT_OUT, *MACHINE, "drop", "assumed")
     try:
-        more = _measures(result, wanted, left_out)
-    except Exception as error:
-        row["failure"] = row["failure"] or f"drop {drop}: {type(error).__name__}: {error}"
-        return
-    row.update({drop_column(key, drop): value for key, value in more.items()})
+        found = result.summary if wanted is None else result.measured(wanted)
+        cells = {drop_column(key, drop): _cell(found[key]) for key in found if key not in left_out}
+    except Exception as error:  # one drop that cannot be measured must not spoil the others
+        failure = failure or f"no measures: {type(error).__name__}: {error}"
+    else:
+        row.update(cells)
+    if failure:
+        row["failure"] = row["failure"] or f"{begin}{failure}"
 
 
 def drop_column(measure: str, drop: int) -> str:
     """The column of a measure in the impact of that number, from 1, on a block."""
     return measure if drop == 1 else f"drop_{drop}_{measure}"
-
-
-def row_without_scene(design: Design, number: int, reason: str) -> dict[str, Any]:
-    """The row of a drop whose values make an invalid scene, or that was lost."""
-    return {
-        **_head(number, None, *design.axes(number), None),
-        "ending": None,
-        "failure": reason,
-    }
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], seconds: float) -> None:
@@ -112,8 +98,6 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], seconds: float) ->
 
 def seconds_of(path: Path) -> float:
     """The time that the rows of a file took [s]. Raises OSError: it cannot be read."""
-    import pyarrow.parquet as pq
-
     return float(pq.read_schema(path).metadata[_SECONDS])
 
 
@@ -124,9 +108,6 @@ def write_histories(path: Path, records: Mapping[int, Sequence[Record]], kind: s
     `records` are those of each member, one for each impact on its block. `kind` is the type of all
     other numbers: float32 or float64.
     """
-    import numpy as np
-    import pyarrow as pa
-
     parts = []
     several = any(len(each) > 1 for each in records.values())
     for number, impacts in sorted(records.items()):
@@ -148,9 +129,6 @@ def read_histories(
 
     Yields the member, the number of the impact on its block from 1, and the columns (n,).
     """
-    import numpy as np
-    import pyarrow.parquet as pq
-
     heads = [MEMBER, DROP] if DROP in pq.read_schema(path).names else [MEMBER]
     found = pq.read_table(path, columns=[*heads, *names])
     member = found[MEMBER].to_numpy()
@@ -163,9 +141,6 @@ def read_histories(
 
 def read(shards: Sequence[Shard], columns: Sequence[str]) -> pa.Table:
     """Some columns of shards as one table; columns that a shard lacks are empty there."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     parts = []
     for path, skipped in shards:
         there = set(pq.read_schema(path).names)
@@ -179,8 +154,6 @@ def read(shards: Sequence[Shard], columns: Sequence[str]) -> pa.Table:
 
 def measures(shards: Sequence[Shard], axes: Sequence[str]) -> list[str]:
     """Columns of shards that neither are axes nor identify the drop."""
-    import pyarrow.parquet as pq
-
     names = dict.fromkeys(name for path, _ in shards for name in pq.read_schema(path).names)
     return [name for name in names if name not in (*axes, *_HEAD)]
 
@@ -190,9 +163,6 @@ def same_in_groups(rows: pa.Table, count: int) -> list[bool]:
 
     Groups with fewer than two members present, or without figures, are left out.
     """
-    import numpy as np
-    import pyarrow as pa
-
     groups = np.asarray(rows[MEMBER]) // count
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     several = np.diff(starts, append=len(groups)) > 1
@@ -212,9 +182,6 @@ def collect(shards: Sequence[Shard], more: Sequence[Mapping[str, Any]], folder: 
 
     Holds at most one row group in memory at a time. Raises OSError.
     """
-    import pyarrow.csv as pc
-    import pyarrow.parquet as pq
-
     last = _table(more) if more else None
     schemas = [pq.read_schema(path) for path, _ in shards] + ([last.schema] if last else [])
     if not schemas:
@@ -251,12 +218,18 @@ def collect(shards: Sequence[Shard], more: Sequence[Mapping[str, Any]], folder: 
     return count
 
 
-def _head(
-    number: int, scene: str | None, axes: Mapping[str, Any], repeat: int, varied: float | None
+def _row(
+    number: int,
+    scene: str | None,
+    axes: Mapping[str, Any],
+    repeat: int,
+    varied: float | None,
+    failure: str | None = None,
 ) -> dict[str, Any]:
-    """The columns that identify the drop of a row."""
+    """The columns of `_HEAD` and the axes."""
     shown = {key: _cell(value) for key, value in axes.items()}
-    return {MEMBER: number, "scene": scene, **shown, "repeat": repeat, "varied": varied}
+    head = {MEMBER: number, "scene": scene, **shown, "repeat": repeat, "varied": varied}
+    return {**head, "ending": None, "failure": failure}
 
 
 def _cell(value: Any) -> Any:
@@ -271,16 +244,12 @@ def _cell(value: Any) -> Any:
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Rows as columns, in order of first appearance of their keys."""
-    import pyarrow as pa
-
     keys = dict.fromkeys(key for each in rows for key in each)
     return pa.table({key: _column([each.get(key) for each in rows]) for key in keys})
 
 
 def _column(values: list[Any]) -> pa.Array:
     """A column of values; values of mixed types become strings."""
-    import pyarrow as pa
-
     try:
         return pa.array(values)
     except (pa.ArrowInvalid, pa.ArrowTypeError):
@@ -289,8 +258,6 @@ def _column(values: list[Any]) -> pa.Array:
 
 def _common(schemas: Sequence[pa.Schema]) -> pa.Schema:
     """A schema for all shards: differing number types become floats, other mixtures strings."""
-    import pyarrow as pa
-
     kinds: dict[str, set[pa.DataType]] = {}
     for field in (field for schema in schemas for field in schema):
         kinds.setdefault(field.name, set()).add(field.type)
@@ -308,7 +275,6 @@ def _common(schemas: Sequence[pa.Schema]) -> pa.Schema:
 
 def _joined(parts: Sequence[pa.Table], schema: pa.Schema) -> pa.Table:
     """Shards as one table that has all columns of `schema`, in its order."""
-    import pyarrow as pa
 
     def column(part: pa.Table, field: pa.Field) -> Any:
         there = field.name in part.column_names
@@ -320,7 +286,6 @@ def _joined(parts: Sequence[pa.Table], schema: pa.Schema) -> pa.Table:
 
 
 def _write(path: Path, table: pa.Table) -> None:
-    import pyarrow.parquet as pq
 
     path.parent.mkdir(exist_ok=True)
     # Python's own file: its errors carry the system's error number, as for a full disk

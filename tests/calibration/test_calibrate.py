@@ -141,7 +141,7 @@ def test_what_fails_is_a_point_and_what_is_interrupted_goes_on(folder: Path) -> 
         ("good", ["--fit", "foam.yield_strain=-0.06..-0.03", "--cfc", "100"], "must be one of 60"),
         ("good", ["--fit", "foam.yield_strain=-0.06..-0.03", "--runs", "3"], "choose 12 to"),
         ("good", ["--fit", "foam.yield_strain=-0.06..-0.03", "--noise", "5"], "0.05 for 5 %"),
-        ("good", ["--fit", "foam.yield_strain=-0.06..-0.03", "--cfc", "1000"], "samples a second"),
+        ("good", ["--fit", "foam.yield_strain=-0.06..-0.03", "--cfc", "1000"], "2500 samples/s"),
     ],
 )
 def test_bad_input_is_refused_with_a_remedy(
