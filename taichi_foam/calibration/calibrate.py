@@ -16,7 +16,7 @@ import hashlib
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -309,12 +309,7 @@ def _near(runs: Runs, new: int, target: Target, space: Space) -> Runs:
     away = target.implausibility(space.unit(runs.values))
     near = (away <= FAR) | runs.failed
     near[-new:] = True
-    return Runs(
-        runs.values[near],
-        runs.series[near],
-        runs.measures[near],
-        tuple(reason for reason, keep in zip(runs.failures, near, strict=True) if keep),
-    )
+    return Runs(*(getattr(runs, each.name)[near] for each in fields(runs)))
 
 
 def _for_runs(scene: Scene, channel_class: int) -> Scene:

@@ -181,16 +181,11 @@ class Calibration:
         series = self.predicted.traces
         random = np.random.default_rng(0)
         drawn = random.choice(len(series), 2000)
-        lacking = random.choice(self.posterior.discrepancy, len(drawn)) * self.level
+        lacking = random.choice(self.posterior.discrepancy, len(drawn)) * self.reading.level
         # each copy deviates in one direction: neighbouring instants err together
         noise = random.normal(size=(len(drawn), 2))
         whole = series[drawn] + noise[:, :1] * lacking[:, None] + noise[:, 1:] * self.reading.band
         return np.quantile(series, LEVELS, axis=0), np.quantile(whole, LEVELS, axis=0)
-
-    @property
-    def level(self) -> float:
-        """Root mean square of the measured means, to which their discrepancy is relative [m/s2]."""
-        return 0.0 if self.reading is None else self.reading.level
 
     @property
     def inside_band(self) -> float | None:

@@ -87,7 +87,18 @@ def write(found: Calibration, path: str | Path) -> Path:
             "Dashed: the prior. A histogram as flat as the prior says that the data do not tell.",
             document.Table(
                 ("parameter", "unit", "searched", "5-95 %", "median", "width over prior", ""),
-                [_row(each) for each in found.parameters],
+                [
+                    (
+                        each.key,
+                        each.unit,
+                        f"{each.prior[0]:.4g} to {each.prior[1]:.4g}",
+                        f"{each.low:.4g} to {each.high:.4g}",
+                        f"{each.median:.4g}",
+                        f"{each.width:.2f}",
+                        each.verdict,
+                    )
+                    for each in found.parameters
+                ],
             ),
         ),
         *_correlations(found),
@@ -102,7 +113,8 @@ def write(found: Calibration, path: str | Path) -> Path:
         + ("a measured trace" if found.reading else "measured key figures")
         + f": {sure} of {len(found.parameters)} are determined by the data.",
         *(
-            f"{each.key}: {each.low:.4g} to {each.high:.4g}{_unit(each)} ({each.verdict})."
+            f"{each.key}: {each.low:.4g} to {each.high:.4g}"
+            f"{f' {each.unit}' if each.unit not in ('-', '') else ''} ({each.verdict})."
             for each in found.parameters
         ),
     ]
@@ -114,22 +126,6 @@ def _figures(found: Calibration) -> Mapping[str, Any]:
     if found.reading is not None:
         figures["trace"] = charts.trace(found)
     return figures
-
-
-def _row(each: Parameter) -> tuple[str, ...]:
-    return (
-        each.key,
-        each.unit,
-        f"{each.prior[0]:.4g} to {each.prior[1]:.4g}",
-        f"{each.low:.4g} to {each.high:.4g}",
-        f"{each.median:.4g}",
-        f"{each.width:.2f}",
-        each.verdict,
-    )
-
-
-def _unit(each: Parameter) -> str:
-    return "" if each.unit in ("-", "") else f" {each.unit}"
 
 
 def _undetermined(parameters: Sequence[Parameter]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +32,13 @@ class Runs:
     series    (n, m) filtered deceleration at `Reader.time` [m/s2], nan where a run has failed;
               m is 0 without a trace
     measures  (n, j) the key figures that were asked for, nan where a run does not have one
-    failures  (n) why a run has none of these; None: it has
+    failures  (n,) why a run has none of these, in words; None: it has
     """
 
     values: Array
     series: Array
     measures: Array
-    failures: tuple[str | None, ...]
+    failures: NDArray[np.object_]
 
     def __len__(self) -> int:
         return len(self.values)
@@ -62,11 +62,8 @@ class Runs:
 
 def joined(parts: Sequence[Runs]) -> Runs:
     """The runs of several waves."""
-    arrays = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("values", "series", "measures")
-    )
-    return Runs(*arrays, failures=tuple(each for part in parts for each in part.failures))
+    columns = ([getattr(part, each.name) for part in parts] for each in fields(Runs))
+    return Runs(*map(np.concatenate, columns))
 
 
 def first_plan(
@@ -147,7 +144,7 @@ def runs_of(found: Sweep, space: Space, reader: Reader | None, measures: Sequenc
             failures[place] = f"it has no {lacking[0]}"
         if failures[place] is not None:
             figures[place] = series[place] = np.nan
-    return Runs(values, series, figures, tuple(failures))
+    return Runs(values, series, figures, np.array(failures, dtype=object))
 
 
 def traces_of(found: Sweep) -> dict[int, tuple[Array, Array]]:

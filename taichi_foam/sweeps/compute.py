@@ -156,13 +156,8 @@ def compute(
 ) -> None:
     """Compute all missing drops of a sweep, and write them into its folder.
 
-    Args:
-        sweep: the sweep, claimed.
-        solve: function that computes scenes; it is sent to workers in other processes.
-        on_drops: called in this thread with the number of drops computed since the last call.
-        side_by_side: number of drops that a worker computes together in the time of one.
-        workers: number of processes on this machine; None: compute in this thread.
-        scheduler: address of a Dask scheduler whose workers share the folder; instead of `workers`.
+    Arguments as for `run.sweep`, which holds the claim on the folder, and for `Dealer`. `on_drops`
+    is called in this thread with the number of drops computed since the last call.
 
     Raises:
         UserError: there is no scheduler at the address, or the disk is full.

@@ -191,7 +191,7 @@ def _draw_curves(axis: Axes, drops: _Drops, x: _Axis, by: _Axis | None) -> None:
         at = [x.places[x.values[k]] for k in members]
         values = [drops.values[k] for k in members]
         if drops.sampled and x.is_numeric:
-            axis.plot(at, _finite(values), ".", color=colour, alpha=0.35, markersize=5)
+            axis.plot(at, np.array(values, float), ".", color=colour, alpha=0.35, markersize=5)
             at = _binned(np.array(at))
         cells = _cells(at, values)
         centres = list(cells)
@@ -259,7 +259,7 @@ def _draw_map(axis: Axes, drops: _Drops, x: _Axis, by: _Axis, label: str) -> Non
     )
     at, high = [across[v] for v in x.values], [up[v] for v in by.values]
     if drops.sampled:
-        drawn = axis.scatter(at, high, c=_finite(drops.values), s=60, **look)
+        drawn = axis.scatter(at, high, c=np.array(drops.values, float), s=60, **look)
     else:
         columns, rows = sorted(set(at)), sorted(set(high))
         medians = np.full((len(rows), len(columns)), np.nan)
@@ -332,10 +332,6 @@ def _binned(at: Floats) -> list[float]:
     for places in order:
         centres[places] = at[places].mean()
     return centres.tolist()
-
-
-def _finite(values: Sequence[float | None]) -> list[float]:
-    return [math.nan if value is None else value for value in values]
 
 
 def _label_of_measure(key: str, is_share: bool) -> str:

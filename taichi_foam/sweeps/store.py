@@ -122,17 +122,6 @@ class Sweep:
                 "started with."
             )
 
-    def told(self) -> dict[str, Any]:
-        """The content of `sweep.json`."""
-        return {
-            "format": _FORMAT,
-            "hash": self.plan.hash,
-            "members": self.plan.count,
-            "made_with": self.made_with,
-            "points": self.points,
-            "plan": self.plan.data(),
-        }
-
     def chunk_file(self, chunk: range) -> Path:
         return self._file(CHUNKS, chunk, ".parquet")
 
@@ -348,8 +337,16 @@ def claimed(folder: Path, plan: Plan, arch: str) -> Iterator[Sweep]:
                 found = replace(found, plan=plan)  # its chunks may differ
             else:
                 found = Sweep(folder, plan, Design.of(plan).fingerprint, versions(arch))
+                told = {
+                    "format": _FORMAT,
+                    "hash": plan.hash,
+                    "members": plan.count,
+                    "made_with": found.made_with,
+                    "points": found.points,
+                    "plan": plan.data(),
+                }
                 with whole_file(mark) as partial:
-                    write_json(partial, found.told())
+                    write_json(partial, told)
             _tidy(folder)
             (folder / CHUNKS).mkdir(exist_ok=True)
             yield found

@@ -23,6 +23,16 @@ def plan_of(*axes: dict[str, Any], **more: Any) -> dict[str, Any]:
     return {"scene": "paper/wedge-2.86", "chunk": 2, "axes": list(axes or [axis()]), **more}
 
 
+def ending(at: int, error: BaseException | None = None) -> Callable[[int], None]:
+    """For `Solver.before`: raises an error, else Ctrl-C, before the drop of a number, from 0."""
+
+    def before(asked: int) -> None:
+        if asked == at:
+            raise error or KeyboardInterrupt
+
+    return before
+
+
 class Known(Result):
     """A result with figures of every kind that a column can hold."""
 

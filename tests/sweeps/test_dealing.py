@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import sweeps
-from drops import Solver, axis, plan_of
+from drops import Solver, axis, ending, plan_of
 
 import taichi_foam as tf
 from taichi_foam.errors import RunError
@@ -72,13 +72,8 @@ def test_every_worker_has_something_to_do_and_none_more_than_the_plan_says() -> 
 
 def test_a_small_sweep_that_is_ended_early_has_what_was_done(tmp_path: Path) -> None:
     """48 drops of 4 s each: three quarters of them are there after 160 s."""
-
-    def stop(asked: int) -> None:
-        if asked == 40:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        tf.sweep(PLAN, tmp_path / "s", solve=Solver(before=stop, seconds=4.0))
+        tf.sweep(PLAN, tmp_path / "s", solve=Solver(before=ending(40), seconds=4.0))
     half = Sweep.open(tmp_path / "s")
     assert 40 - 30 / 4 <= half.standing.done <= 40
     chunks = half.finished()
@@ -86,12 +81,8 @@ def test_a_small_sweep_that_is_ended_early_has_what_was_done(tmp_path: Path) -> 
 
 
 def test_a_sweep_goes_on_in_chunks_of_any_size(tmp_path: Path) -> None:
-    def stop(asked: int) -> None:
-        if asked == 17:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        tf.sweep({**PLAN, "chunk": 5}, tmp_path / "s", solve=Solver(before=stop))
+        tf.sweep({**PLAN, "chunk": 5}, tmp_path / "s", solve=Solver(before=ending(17)))
     before = sweeps.chunk_files(tmp_path / "s")
     done = Sweep.open(tmp_path / "s").standing.done
     assert 12 <= done <= 17
@@ -119,12 +110,10 @@ def test_chunks_that_overlap_give_each_row_once(tmp_path: Path) -> None:
 
 
 def test_what_was_lost_is_forgotten_when_chunks_of_another_size_have_it(tmp_path: Path) -> None:
-    def fall(asked: int) -> None:
-        if asked == 3:
-            raise MemoryError
-
     with pytest.raises(RunError):
-        tf.sweep({**PLAN, "chunk": 2}, tmp_path / "s", solve=Solver(before=fall))
+        tf.sweep(
+            {**PLAN, "chunk": 2}, tmp_path / "s", solve=Solver(before=ending(3, MemoryError()))
+        )
     half = Sweep.open(tmp_path / "s")
     assert {range(2, 4)} <= half.lost().keys()
     # one of the two is there now, of the other it is still said

@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from drops import Solver, axis, plan_of
+from drops import Solver, axis, ending, plan_of
 from rich.console import Console
 
 import taichi_foam as tf
@@ -25,7 +25,7 @@ from taichi_foam.results.folders import locked
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.progress import Bars
-from taichi_foam.sweeps import run, store
+from taichi_foam.sweeps import run, store, table
 from taichi_foam.sweeps.plan import Plan
 from taichi_foam.sweeps.run import Sweep
 from taichi_foam.version import version
@@ -102,12 +102,8 @@ def test_the_same_call_computes_nothing_twice(swept: Sweep) -> None:
 
 
 def test_ctrl_c_keeps_complete_chunks_and_the_same_call_goes_on(tmp_path: Path) -> None:
-    def stop(asked: int) -> None:
-        if asked == 5:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt) as stopped:
-        tf.sweep(PLAN, tmp_path / "s", solve=Solver(before=stop))
+        tf.sweep(PLAN, tmp_path / "s", solve=Solver(before=ending(5)))
     assert "4 of 9 drops are in" in str(stopped.value)
     assert "the same command continues" in str(stopped.value)
     half = Sweep.open(tmp_path / "s")
@@ -198,8 +194,6 @@ def test_a_sweep_that_the_disk_cannot_hold_is_refused(
 def test_a_disk_that_fills_up_keeps_what_is_complete(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from taichi_foam.sweeps import table
-
     def full(path: Path):
         if path.name == "00000006-00000007.parquet":
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
@@ -220,12 +214,12 @@ def test_a_disk_that_fills_up_keeps_what_is_complete(
 
 
 def test_a_chunk_that_cannot_be_computed_is_told_and_tried_again(tmp_path: Path) -> None:
-    def fall(asked: int) -> None:
-        if asked == 3:
-            raise MemoryError("no room for the lattice")
-
     with pytest.raises(RunError, match="chunk"):
-        tf.sweep(PLAN, tmp_path / "s", solve=Solver(before=fall))
+        tf.sweep(
+            PLAN,
+            tmp_path / "s",
+            solve=Solver(before=ending(3, MemoryError("no room for the lattice"))),
+        )
     half = Sweep.open(tmp_path / "s")
     assert half.standing.lost > 0
     assert "MemoryError: no room" in half.lost()[range(2, 4)]
