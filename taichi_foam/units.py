@@ -41,6 +41,11 @@ SHOWN_UNITS = {
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
+def rounded(value: float, digits: int) -> float:
+    """A value with so many significant digits: the last of a computed one are rounding errors."""
+    return float(f"{value:.{digits}g}")
+
+
 def plain(value: float) -> str:
     """A number in compact form, with five digits: 0.005, 2.78e6, 1e-7."""
     return f"{value:.5g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
@@ -52,10 +57,10 @@ def si_scale(value: float, least: int = -9, digits: int = 6) -> tuple[float, str
     `least` is the lowest power of ten. `digits` is the number of digits to which the value will be
     rounded: 999.9 with three digits is 1 k.
     """
-    rounded = abs(float(f"{value:.{digits}g}"))
-    if rounded == 0.0 or not math.isfinite(rounded):
+    size = abs(rounded(value, digits))
+    if size == 0.0 or not math.isfinite(size):
         return 1.0, ""
-    power = 3 * math.floor(math.log10(rounded) / 3 + 1e-9)
+    power = 3 * math.floor(math.log10(size) / 3 + 1e-9)
     power = min(max(power, least), max(_PREFIXES))
     return 10.0**power, _PREFIXES[power]
 

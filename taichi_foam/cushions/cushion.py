@@ -33,11 +33,11 @@ from taichi_foam.cushions.scenes import (
     FLAT,
     SIDE,
     called,
-    check_positive,
     cushion_scene,
     stress_curve,
 )
 from taichi_foam.cushions.shown import Units, units_named
+from taichi_foam.cushions.sizing import passed
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
 from taichi_foam.formulas.traces import channel, check_channel_class, filtered
@@ -50,7 +50,7 @@ from taichi_foam.scene.paths import NOTHING, at
 from taichi_foam.simulation.progress import Bars
 from taichi_foam.sweeps import table as columns
 from taichi_foam.sweeps.run import sweep
-from taichi_foam.units import STANDARD_GRAVITY
+from taichi_foam.units import STANDARD_GRAVITY, rounded
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -216,16 +216,13 @@ class Curve:
         x, y = np.log(self.static_stress), np.log(np.minimum(self.median, _ENDLESS))
         limit = y[self.least] + math.log(1.0 + WITHIN)
 
-        def end(order: range) -> float:
-            inside = self.least
-            for k in order:
-                if y[k] > limit:
-                    share = (limit - y[inside]) / (y[k] - y[inside])
-                    return float(np.exp(x[inside] + share * (x[k] - x[inside])))
-                inside = k
-            return float(self.static_stress[inside])
+        def end(way: int) -> float:
+            inside, beyond, share = passed(y, self.least, way, limit)
+            if share == 0.0:
+                return float(self.static_stress[inside])
+            return float(np.exp(x[inside] + share * (x[beyond] - x[inside])))
 
-        return end(range(self.least - 1, -1, -1)), end(range(self.least + 1, len(y)))
+        return end(-1), end(1)
 
     @property
     def bottoms_from(self) -> float | None:
@@ -448,8 +445,8 @@ def cushion_curve(
         KeyboardInterrupt: Ctrl-C; what is computed is kept in `out`.
     """
     shapes = _shapes(shape)
-    thicknesses = _lengths("thickness", thickness, THICKNESSES, "50 mm is 0.05 m")
-    heights = _lengths("drop height", drop_height, HEIGHTS, "76 cm is 0.76 m")
+    thicknesses = _lengths("thickness", thickness, THICKNESSES)
+    heights = _lengths("drop_height", drop_height, HEIGHTS)
     asked = _Asked(
         foam, shapes, [Pad(*each) for each in product(shapes, thicknesses, heights)],
         static_stress, static_range, drops, runs, channel_class, points,
@@ -546,12 +543,14 @@ class _Asked:
     def first(self) -> dict[Pad, list[float]]:
         """The static stresses [Pa] of the first wave. Raises UserError."""
         if self.static_stress is not None:
-            given = sorted(_numbers("static_stress", self.static_stress, "4 kPa is 4000 Pa"))
+            given = sorted(_numbers("static_stress", self.static_stress))
             return dict.fromkeys(self.pads, given)
         ends = None if self.static_range is None else _range(self.static_range)
         count = min(FIRST, self.points)
         return {
-            pad: list(map(_rounded, np.geomspace(*(ends or self._usual_range(pad)), count)))
+            pad: [
+                rounded(each, 4) for each in np.geomspace(*(ends or self._usual_range(pad)), count)
+            ]
             for pad in self.pads
         }
 
@@ -652,7 +651,7 @@ def _next(asked: _Asked, found: CushionCurve) -> dict[Pad, list[float]]:
         counts = (low[1:] | low[:-1]).any(axis=1)
         most = min(LATER, asked.points - len(x))
         places = next_points(x, y, most, TOLERANCE, counts)
-        wave[pad] = [_rounded(math.exp(place)) for place in places]
+        wave[pad] = [rounded(math.exp(place), 4) for place in places]
     return wave
 
 
@@ -725,31 +724,32 @@ def _shapes(shape: Any) -> dict[str, Any]:
     return found
 
 
-def _numbers(name: str, values: Any, example: str) -> list[float]:
+def _numbers(name: str, values: Any) -> list[float]:
     """One or several positive numbers, each once."""
     listed = [values] if isinstance(values, int | float | str) else list(values)
     if not listed:
-        raise UserError(f"{name}: none given. Fix: give at least one; {example}")
+        raise UserError(f"{name}: none given. Fix: give at least one in {energy.EXAMPLES[name]}")
     for each in listed:
-        check_positive(name, each, example)
+        energy.check_above_0(**{name: each})
     if len(set(listed)) < len(listed):
         raise UserError(f"{name}: {max(listed, key=listed.count):g} is there twice; leave it out")
     return [float(each) for each in listed]
 
 
-def _lengths(name: str, values: Any, limits: tuple[float, float], example: str) -> list[float]:
+def _lengths(name: str, values: Any, limits: tuple[float, float]) -> list[float]:
     """Lengths within limits [m]."""
-    found = _numbers(name, values, example)
+    found = _numbers(name, values)
     for each in found:
         if not limits[0] <= each <= limits[1]:
             raise UserError(
-                f"{name} = {each:g} m: must be {limits[0]:g} to {limits[1]:g} m; {example}"
+                f"{name} = {each:g} m: must be {limits[0]:g} to {limits[1]:g} "
+                f"{energy.EXAMPLES[name]}"
             )
     return found
 
 
 def _range(ends: Any) -> tuple[float, float]:
-    found = _numbers("static stress", ends, "4 kPa is 4000 Pa")
+    found = _numbers("static_stress", ends)
     if len(found) != 2 or found[0] >= found[1]:
         shown = " to ".join(f"{each:g}" for each in found)
         raise UserError(
@@ -757,10 +757,6 @@ def _range(ends: Any) -> tuple[float, float]:
             "as 2 kPa to 10 kPa"
         )
     return found[0], found[1]
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.4g}")
 
 
 def _check_count(name: str, value: Any, least: int, most: int) -> None:

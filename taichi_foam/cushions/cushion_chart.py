@@ -18,6 +18,7 @@ from taichi_foam.cushions.shown import Units
 from taichi_foam.formulas.energy import USUAL_PEAK
 from taichi_foam.picture.document import Section, Table, write
 from taichi_foam.picture.style import CYCLE, GREY, HALO, INK, STYLE, blank, plain_log
+from taichi_foam.units import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -365,5 +366,5 @@ def _number(value: float | None) -> str:
     """A number with three digits; a dash: no answer."""
     if value is None or not math.isfinite(value):
         return "–"
-    rounded = float(f"{value:.3g}")
-    return f"{rounded:,.0f}" if abs(rounded) >= 100 else f"{rounded:#.3g}"
+    found = rounded(value, 3)
+    return f"{found:,.0f}" if abs(found) >= 100 else f"{found:#.3g}"

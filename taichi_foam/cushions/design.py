@@ -200,7 +200,7 @@ def design(
             mass=mass, fragility=fragility, drops=drops, max_thickness=max_thickness,
             max_area=max_area, braced=braced, dv_critical=dv_critical, temperature=temperature,
             drop=handling.drop_height(mass) if drop is None else drop,
-            stock=tuple(sorted(stock or handling.stock(units))),
+            stock=tuple(sorted(stock or handling.STOCK[units])),
         )  # fmt: skip
     except ValidationError as error:
         raise UserError(explain(error, Wish)) from None

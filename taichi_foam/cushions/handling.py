@@ -18,11 +18,20 @@ SEQUENCE = (
     "their pads need a test"
 )
 
-STOCK_MM = (5, 8, 10, 12, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 100, 120, 150, 200)
-"""Thicknesses of sheets that are commonly in stock [mm]; assumed, suppliers differ."""
+STOCK = {
+    "si": tuple(
+        each * LENGTH_UNITS["mm"]
+        for each in (5, 8, 10, 12, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 100, 120, 150, 200)
+    ),
+    "us": tuple(
+        each * LENGTH_UNITS["in"]
+        for each in (0.25, 0.375, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+    ),
+}
+"""Thicknesses of sheets [m] that are commonly in stock where units are metric, or US customary.
 
-STOCK_IN = (0.25, 0.375, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
-"""The same in inches."""
+Assumed: suppliers differ.
+"""
 
 
 def drop_height(mass: float) -> float:
@@ -37,10 +46,3 @@ def drop_height(mass: float) -> float:
         f"mass = {mass:g} kg: ISTA 1A is for products of up to {ISTA_1A[-1][0]:g} kg, so that no "
         "drop height follows from the mass; give drop= in metres"
     )
-
-
-def stock(units: str) -> tuple[float, ...]:
-    """Thicknesses of sheets [m] that are in stock where `units` are used, "si" or "us"."""
-    if units == "us":
-        return tuple(each * LENGTH_UNITS["in"] for each in STOCK_IN)
-    return tuple(each * LENGTH_UNITS["mm"] for each in STOCK_MM)

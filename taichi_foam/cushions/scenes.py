@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
+from taichi_foam.formulas.energy import check_above_0
 from taichi_foam.laws.bond import BondFoam
-from taichi_foam.parts import is_number
 from taichi_foam.scene import Scene
 from taichi_foam.scene.library import is_test, read_corners
-from taichi_foam.units import STANDARD_GRAVITY
+from taichi_foam.units import STANDARD_GRAVITY, rounded
 
 Array = NDArray[np.float64]
 
@@ -79,27 +79,23 @@ def cushion_scene(
     Raises:
         UserError: an unknown shape, foam or file, or a value out of its range.
     """
-    for name, value, example in (
-        ("thickness", thickness, "50 mm is 0.05 m"),
-        ("drop_height", drop_height, "76 cm is 0.76 m"),
-        ("static_stress", static_stress, "4 kPa is 4000 Pa"),
-        ("width", width, "200 mm is 0.2 m"),
-        ("depth", depth, "200 mm is 0.2 m"),
-    ):
-        check_positive(name, value, example)
+    check_above_0(
+        thickness=thickness, drop_height=drop_height, static_stress=static_stress, width=width,
+        depth=depth,
+    )  # fmt: skip
     block: dict[str, Any] = {"height": thickness, "depth": depth}
     middle = 0.0
     if isinstance(shape, str) and shape == FLAT:
         cell = thickness / ROWS if cell is None else cell
-        width = _rounded(COLUMNS * cell)
+        width = rounded(COLUMNS * cell, 12)
         block |= {"width": width, "columns": COLUMNS, "rows": max(1, round(thickness / cell)) + 1}
         plate = 2.0 * width
     else:
         corners, width, plate, middle = _pad(shape, thickness, width)
         block["outline"] = corners
         left, right = min(x for x, _ in corners), max(x for x, _ in corners)
-        block |= {"width": _rounded(right - left), "height": max(y for _, y in corners)}
-        block["cell"] = _rounded(thickness / CELLS) if cell is None else cell
+        block |= {"width": rounded(right - left, 12), "height": max(y for _, y in corners)}
+        block["cell"] = rounded(thickness / CELLS, 12) if cell is None else cell
     if density is not None:
         block["density"] = density
     data = {
@@ -108,10 +104,10 @@ def cushion_scene(
         "foam": {"curve": foam} if is_test(foam) else foam,
         "impactor": {
             "shape": "flat",
-            "width": _rounded(plate),
+            "width": rounded(plate, 12),
             "height": max(0.02, thickness),
-            "x": _rounded(middle),
-            "mass": _rounded(static_stress * width * depth / STANDARD_GRAVITY),
+            "x": rounded(middle, 12),
+            "mass": rounded(static_stress * width * depth / STANDARD_GRAVITY, 12),
             "drop_height": drop_height,
         },
         "numerics": {"time_limit": LONGEST},
@@ -148,17 +144,6 @@ def called(foam: Any) -> str:
     if isinstance(foam, str | Path):
         return Path(foam).stem if str(foam).lower().endswith((".csv", ".toml")) else str(foam)
     return "foam of one's own"
-
-
-def check_positive(name: str, value: Any, example: str) -> None:
-    """Raise UserError unless a value is a finite number above 0; `example` helps with units."""
-    if not is_number(value) or value <= 0.0:
-        raise UserError(f"{name} = {value!r}: must be a number above 0. Fix: SI units; {example}")
-
-
-def _rounded(value: float) -> float:
-    """A computed value without the last digits, as sweeps store it."""
-    return float(f"{value:.12g}")
 
 
 def _pad(

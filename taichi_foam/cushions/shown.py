@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from taichi_foam.errors import UserError
-from taichi_foam.units import INCH, POUND, STRESS_UNITS
+from taichi_foam.units import INCH, POUND, STRESS_UNITS, rounded
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,7 @@ class Units:
 
     def number(self, kind: str, value: float) -> str:
         """The number of `text`, with three digits and without an exponent."""
-        found = float(f"{self.of(kind, value):.3g}")
-        return f"{found:.8g}"
+        return f"{rounded(self.of(kind, value), 3):.8g}"
 
 
 UNITS = {

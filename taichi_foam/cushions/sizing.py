@@ -1,15 +1,13 @@
 """Pads by the energy balance: which foam, how thick, how large, for a product that must survive.
 
-A product of the mass m falls from the height h and must not be decelerated by more than its
-fragility [g]. On a cushion of the thickness T and of the static stress sigma_st = m g / A, it stops
-at the strain e where T W(e) = sigma_st (h + e T), with G = sigma / sigma_st - 1 (formulas/energy).
-Given the strain, both follow without solving anything:
+On a cushion of the thickness T a product of the static stress sigma_st, which falls from the height
+h, stops at the strain e where T W(e) = sigma_st (h + e T) (formulas/energy). Given the strain,
+static stress and deceleration follow without solving anything:
 
     sigma_st = W / (h/T + e),    G + 1 = sigma (h/T + e) / W
 
 A cushion curve is this pair over all strains of the foam's test, so that thousands of pads take
-milliseconds. The least thickness is that of the largest energy efficiency W / sigma; a stronger
-foam does not need less of it, only less area.
+milliseconds.
 
 A pad that is dropped on again starts where the drop before has left it, at the permanent strain p
 of its worst strain d, and returns along the line on which it was unloaded:
@@ -37,7 +35,7 @@ from taichi_foam.laws.bond.curve import PLATEAU
 from taichi_foam.laws.bond.tabulated import TabulatedFoam
 from taichi_foam.parts import Part, choice, quantity
 from taichi_foam.scene import Block, library
-from taichi_foam.units import STANDARD_GRAVITY
+from taichi_foam.units import STANDARD_GRAVITY, rounded
 
 Array = NDArray[np.float64]
 
@@ -155,17 +153,26 @@ class Response:
         best = self.best
         if not self.g[best] <= most:
             return None
-        return self._end(best, -1, most), self._end(best, 1, most)
+        ends = []
+        for way in (-1, 1):
+            inside, beyond, share = passed(self.g, best, way, most)
+            width = self.static[beyond] - self.static[inside]
+            ends.append(float(self.static[inside] + share * width))
+        return ends[0], ends[1]
 
-    def _end(self, place: int, way: int, most: float) -> float:
-        """The static stress at which the curve passes `most`, from a place to the left or right."""
-        while 0 <= place + way < self.g.size and self.g[place + way] <= most:
-            place += way
-        beyond = place + way
-        if not 0 <= beyond < self.g.size or not math.isfinite(self.g[beyond]):
-            return float(self.static[place])
-        share = (most - self.g[place]) / (self.g[beyond] - self.g[place])
-        return float(self.static[place] + share * (self.static[beyond] - self.static[place]))
+
+def passed(y: Array, place: int, way: int, most: float) -> tuple[int, int, float]:
+    """Where a curve of points passes `most`, from a place on to the left (-1) or right (1).
+
+    The last point that does not exceed it, the next point, and the share of the way between them;
+    0 if there is no next one, or it is not finite.
+    """
+    while 0 <= place + way < y.size and y[place + way] <= most:
+        place += way
+    beyond = place + way
+    if not 0 <= beyond < y.size or not math.isfinite(y[beyond]):
+        return place, place, 0.0
+    return place, beyond, float((most - y[place]) / (y[beyond] - y[place]))
 
 
 def response(foam: Cushioning, thickness: float, drop: float, drops: int = 1) -> Response:
@@ -298,7 +305,7 @@ def pad(foam: Cushioning, wish: Wish, thickness: float) -> Pad | None:
     low, high = max(wanted[0], least), min(wanted[1], *largest)
     if low > high:
         return None
-    area = float(f"{wish.weight / math.sqrt(low * high):.3g}")
+    area = rounded(wish.weight / math.sqrt(low * high), 3)
     g, strain = curve.at(wish.weight / area)
     return Pad(foam, thickness, area, g, strain, safe, wish)
 

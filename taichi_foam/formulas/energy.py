@@ -25,6 +25,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,7 +113,7 @@ def stop(
     None: the foam cannot absorb the energy before its curve ends. Raises UserError: no curve, or a
     number that is not above 0.
     """
-    _check_above_0(static_stress=static_stress, drop_height=drop_height, thickness=thickness)
+    check_above_0(static_stress=static_stress, drop_height=drop_height, thickness=thickness)
     e, s = points(strain, stress)
     return _stop(e, s, static_stress, drop_height, thickness)
 
@@ -128,10 +130,10 @@ def cushion_curve(
     Raises UserError as `stop`.
     """
     e, s = points(strain, stress)
-    _check_above_0(drop_height=drop_height, thickness=thickness)
+    check_above_0(drop_height=drop_height, thickness=thickness)
     statics = np.asarray(static_stresses, dtype=np.float64).ravel().tolist()
     for each in statics:
-        _check_above_0(static_stress=each)
+        check_above_0(static_stress=each)
     found = [_stop(e, s, each, drop_height, thickness) for each in statics]
     return np.array([math.nan if each is None else each.g for each in found])
 
@@ -147,7 +149,7 @@ def optimum(
     Over the strain e of the stop, the static stress is T W / (h + e T), and G + 1 is
     sigma (h + e T) / (T W). Within a segment of the curve, both are extreme at roots of quadratics.
     """
-    _check_above_0(drop_height=drop_height, thickness=thickness)
+    check_above_0(drop_height=drop_height, thickness=thickness)
     e, s, most = _with_largest(*points(strain, stress))
     width = np.diff(e)
     slope, rise = _ratio(np.diff(s), width), _ratio(np.diff(most), width)
@@ -332,14 +334,22 @@ def points(strain: ArrayLike, stress: ArrayLike) -> tuple[Array, Array]:
     return e, s
 
 
-_EXAMPLES = {
-    "static_stress": "Pa; 5 kPa is 5e3",
+EXAMPLES = {
+    "static_stress": "Pa; 4 kPa is 4e3",
     "drop_height": "m; 76 cm is 0.76",
     "thickness": "m; 50 mm is 0.05",
+    "width": "m; 200 mm is 0.2",
+    "depth": "m; 200 mm is 0.2",
+    "critical_velocity": "m/s",
+    "critical_g": "g",
 }
+"""Units of numbers that must be above 0, with examples for messages."""
 
 
-def _check_above_0(**values: float) -> None:
+def check_above_0(**values: Any) -> None:
+    """Raise UserError for the first of some `EXAMPLES` that is not a finite number above 0."""
     for name, value in values.items():
-        if not (math.isfinite(value) and value > 0.0):
-            raise UserError(f"{name} = {value:g}: must be above 0 {_EXAMPLES[name]}")
+        is_number = isinstance(value, Real) and not isinstance(value, bool)
+        if not (is_number and 0.0 < float(value) < math.inf):
+            given = f"{value:g}" if is_number else repr(value)
+            raise UserError(f"{name} = {given}: must be a number above 0 {EXAMPLES[name]}")

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.errors import UserError
+from taichi_foam.formulas.energy import check_above_0
 from taichi_foam.formulas.traces import sampled
 
 Array = NDArray[np.float64]
@@ -78,10 +79,7 @@ class DamageBoundary:
     critical_g: float
 
     def __post_init__(self) -> None:
-        for name, unit in (("critical_velocity", "m/s"), ("critical_g", "g")):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise UserError(f"{name} = {value:g}: must be above 0 {unit}")
+        check_above_0(critical_velocity=self.critical_velocity, critical_g=self.critical_g)
 
     def critical_of(self, shape: Shape) -> float:
         """The peak [g] of pulses of a shape below which none damages the product."""

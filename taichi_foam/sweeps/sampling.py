@@ -24,6 +24,7 @@ from taichi_foam.scene import Scene
 from taichi_foam.scene.paths import by_key
 from taichi_foam.scene.values import changed
 from taichi_foam.sweeps.plan import Axis, Method, Plan
+from taichi_foam.units import rounded
 
 Floats = NDArray[np.float64]
 
@@ -160,8 +161,8 @@ class Design:
         impactor = data["impactor"]
         height, gap = impactor.get("drop_height"), impactor.get("gap", 0.0)
         if height is not None:
-            return "impactor.drop_height", _rounded(gap + factor**2 * (height - gap))
-        return "impactor.velocity", _rounded(factor * impactor["velocity"])
+            return "impactor.drop_height", rounded(gap + factor**2 * (height - gap), 12)
+        return "impactor.velocity", rounded(factor * impactor["velocity"], 12)
 
 
 def factors(count: int, within: float) -> list[float]:
@@ -200,7 +201,7 @@ def _numbers(axis: Axis, usual: Any) -> list[list[Any]]:
 
     Values computed by a script are rounded to 15 digits.
     """
-    values = [_rounded(v, 15) if type(v) is float else v for v in axis.values or ()]
+    values = [rounded(v, 15) if type(v) is float else v for v in axis.values or ()]
     if isinstance(usual, float):
         values = [float(v) if type(v) is int else v for v in values]
     return [[value] for value in values]
@@ -220,7 +221,7 @@ def _grid(axis: Axis, is_whole: bool) -> list[list[Any]]:
     assert axis.count is not None  # the plan has checked this
     if axis.spacing == "log":
         inner = np.geomspace(low, high, axis.count)[1:-1]
-        values = [low, *(_rounded(float(value)) for value in inner), high]
+        values = [low, *(rounded(float(value), 12) for value in inner), high]
     else:
         values = _evenly(low, high, axis.count)
     if is_whole:
@@ -243,11 +244,6 @@ def _evenly(low: float, high: float, count: int) -> list[float]:
     whole = first.denominator * step.denominator
     begin, more = int(first * whole), int(step * whole)
     return [(begin + more * place) / whole for place in range(count)]
-
-
-def _rounded(value: float, digits: int = 12) -> float:
-    """A computed value without the last digits, which contain rounding errors."""
-    return float(f"{value:.{digits}g}")
 
 
 def _ends(axis: Axis) -> tuple[float, float]:

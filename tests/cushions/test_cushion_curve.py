@@ -197,7 +197,7 @@ def test_the_members_of_a_wave_are_the_scenes_of_its_points(
         ({"thickness": 0}, "thickness = 0: must be a number above 0"),
         ({"thickness": [0.05, "thick"]}, "thickness = 'thick': must be a number"),
         ({"thickness": 50.0}, "thickness = 50 m: must be 0.001 to 1 m"),
-        ({"drop_height": 76.0}, "drop height = 76 m"),
+        ({"drop_height": 76.0}, "drop_height = 76 m: must be 0.001 to 20 m; 76 cm is 0.76"),
         ({"static_stress": 5e5}, "above the foam's plateau"),
         ({"static_range": (5e3, 2e3)}, "a range has two ends"),
         ({"drops": 6}, "drops = 6: must be a whole number from 1 to 5"),

@@ -30,7 +30,7 @@ def foams() -> list[sizing.Cushioning]:
 
 
 def wish(mass: float, fragility: float, **more: Any) -> sizing.Wish:
-    given = {"drop": handling.drop_height(mass), "drops": 1, "stock": handling.stock("si")}
+    given = {"drop": handling.drop_height(mass), "drops": 1, "stock": handling.STOCK["si"]}
     return sizing.Wish(mass=mass, fragility=fragility, **{**given, **more})
 
 

@@ -51,10 +51,10 @@ def test_an_outline_is_scaled_to_the_thickness() -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"thickness": 0.0}, "thickness = 0.0: must be a number above 0"),
+        ({"thickness": 0.0}, "thickness = 0: must be a number above 0 m; 50 mm is"),
         ({"drop_height": float("nan")}, "drop_height = nan"),
         ({"thickness": "thick"}, "thickness = 'thick'"),
-        ({"static_stress": -1.0}, "static_stress = -1.0"),
+        ({"static_stress": -1.0}, "static_stress = -1: "),
         ({"shape": "round"}, "shape = 'round': must be flat, edge, rib, or a CSV file"),
         ({"shape": [(0, 0), (1, 0)]}, "the outline has no height"),
         ({"shape": 3}, "shape = 3"),

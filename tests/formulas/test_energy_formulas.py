@@ -141,9 +141,17 @@ def test_the_usual_range() -> None:
         (([0, 0.5], [0, np.nan]), {}, "not finite"),
         (([0, 0.5], [0, -1e5]), {}, "positive in compression"),
         (([0, 0.5], [0, 1e5, 2e5]), {}, "as many strains as stresses"),
-        (([0, 0.5], [0, 1e5]), {"drop_height": 0.0}, "drop_height = 0: must be above 0 m"),
-        (([0, 0.5], [0, 1e5]), {"static_stress": -1.0}, "static_stress = -1: must be above 0 Pa"),
-        (([0, 0.5], [0, 1e5]), {"thickness": np.inf}, "thickness = inf: must be above 0 m"),
+        (([0, 0.5], [0, 1e5]), {"drop_height": 0.0}, "drop_height = 0: must be a number above 0 m"),
+        (
+            ([0, 0.5], [0, 1e5]),
+            {"static_stress": -1.0},
+            "static_stress = -1: must be a number above 0 Pa",
+        ),
+        (
+            ([0, 0.5], [0, 1e5]),
+            {"thickness": np.inf},
+            "thickness = inf: must be a number above 0 m",
+        ),
     ],
 )
 def test_what_is_no_curve_and_no_drop(curve: tuple, numbers: dict, said: str) -> None:

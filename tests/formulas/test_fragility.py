@@ -114,5 +114,5 @@ def test_what_has_no_spectrum_and_no_boundary() -> None:
         shock_response_spectrum(*trace, [0.0, 10.0])
     with pytest.raises(UserError, match="time must increase"):
         shock_response_spectrum(trace[0][::-1], trace[1], [10.0])
-    with pytest.raises(UserError, match="critical_g = 0: must be above 0 g"):
+    with pytest.raises(UserError, match="critical_g = 0: must be a number above 0 g"):
         DamageBoundary(2.0, 0.0)
