@@ -8,7 +8,7 @@ densify, at the shoulder of its energy-absorption diagram. Formulas and sources:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -142,8 +142,9 @@ class Efficiency:
         """The landmarks of each foam: a dictionary each, in SI units, units in the names.
 
         `onset_strain` is where densification begins, d(efficiency)/d(strain) = 0, and the entries
-        after it hold there; `densifies` is False if the curve ends before. `janssen_factor` is
-        stress over energy.
+        after it hold there; `densifies` is False if the curve ends before. `janssen_factor` C is
+        stress over energy: the thickness that is needed is T = C h / G if the way of crushing is
+        short beside the fall h.
         """
         return [foam.row for foam in self.foams]
 
@@ -231,7 +232,11 @@ def efficiency(*foams: str | Path | FoamFile | BondFoam | Curve) -> Efficiency:
         UserError: none or too many, a foam that is given twice, no such foam or file, a test that
             cannot be read, or a law that states no stress.
     """
-    asked = [each for foam in foams for each in _listed(foam)]
+    asked = [
+        each
+        for foam in foams
+        for each in (foam if isinstance(foam, Sequence) and not isinstance(foam, str) else [foam])
+    ]
     if not 1 <= len(asked) <= MOST:
         raise UserError(
             f"{len(asked)} foams: must be 1 to {MOST}; name foams of the library "
@@ -260,10 +265,6 @@ def absorber(foam: str | Path | FoamFile | BondFoam | Curve, called: str) -> Abs
     if isinstance(foam, Curve):
         return _of_curve(foam, called, "a curve")
     return _of_law(foam, called, f"a foam of law {foam.law}")
-
-
-def _listed(foam: Any) -> Iterable[Any]:
-    return foam if isinstance(foam, Sequence) and not isinstance(foam, str) else [foam]
 
 
 def _of_file(file: FoamFile, name: str) -> Absorber:

@@ -67,15 +67,6 @@ def ideality(strain: ArrayLike, stress: ArrayLike) -> Array:
     return _ratio(absorbed_energy(e, s), s * e)
 
 
-def janssen_factor(strain: ArrayLike, stress: ArrayLike) -> Array:
-    """(n,) Janssen's factor C = sigma / W at each point, 1 over the efficiency; inf at rest.
-
-    The thickness that is needed is T = C h / G if the way of crushing is short beside the fall.
-    """
-    with np.errstate(divide="ignore"):
-        return 1.0 / efficiency(strain, stress)
-
-
 def densification_onset(strain: ArrayLike, stress: ArrayLike) -> float:
     """Strain at which densification begins: where d(efficiency)/d(strain) = 0 (Li et al. 2006).
 
@@ -230,32 +221,6 @@ def largest_until(strain: Array, stress: Array, end: float) -> float:
     """The largest stress [Pa] of a curve up to a strain; of a jump there, its lower end."""
     before = stress[: max(int(np.searchsorted(strain, end)), 1)]
     return max(float(before.max()), _at(strain, stress, end))
-
-
-def locking_optimum(
-    plateau_stress: float, locking_strain: float, drop_height: float, thickness: float
-) -> tuple[float, float]:
-    """Optimal static stress [Pa] and its G [g] of a rigid-plastic foam that locks.
-
-    sigma_st = sigma_pl e_D T / (h + e_D T), G = h / (e_D T): all of the stroke is used.
-    """
-    stroke = locking_strain * thickness
-    return plateau_stress * stroke / (drop_height + stroke), drop_height / stroke
-
-
-def linear_g(modulus: float, static_stress: float, drop_height: float, thickness: float) -> float:
-    """G [g] of a linear elastic foam of a modulus [Pa], sqrt(1 + 2 h E / (sigma_st T))."""
-    return math.sqrt(1.0 + 2.0 * drop_height * modulus / (static_stress * thickness))
-
-
-def plateau_efficiency(yield_strain: float, densification_strain: float) -> float:
-    """Largest efficiency of an elastic-plastic foam, e_d - e_y / 2, strains positive.
-
-    It is reached where densification begins, at e_d, if the stress rises steeply enough from there:
-    d(sigma)/d(strain) of at least sigma / (e_d - e_y / 2). Eq. 26 of Shim, Tu & Lim (2000) does so
-    for a (e_d - e_y / 2) >= (e_l - e_d)^b.
-    """
-    return densification_strain - 0.5 * yield_strain
 
 
 def _stop(

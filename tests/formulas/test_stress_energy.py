@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taichi_foam.errors import UserError
-from taichi_foam.formulas.energy import linear_g
+from taichi_foam.formulas import energy
 from taichi_foam.formulas.stress_energy import StressEnergy, fitted
 
 CURVE = StressEnergy(stress=120e3, exponent=2.5e-5, energies=(1e3, 1e5), deviation=0.0)
@@ -47,8 +47,10 @@ def test_its_optimum() -> None:
 def test_equal_height_over_thickness_is_one_curve_by_energy_balance() -> None:
     """G sigma_st of a linear foam is sqrt(sigma_st^2 + 2 E sigma_st h / T) at any size."""
     for static in (2e3, 6e3):
-        one, other = (linear_g(5e5, static, 15.0 * thick, thick) for thick in (0.03, 0.12))
-        assert one == pytest.approx(other, rel=1e-12)
+        for thick in (0.03, 0.12):
+            stop = energy.stop([0.0, 0.9], [0.0, 0.9 * 5e5], static, 15.0 * thick, thick)
+            assert stop is not None
+            assert stop.g * static == pytest.approx((static**2 + 2 * 5e5 * static * 15) ** 0.5)
 
 
 @pytest.mark.parametrize(
