@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.formulas.traces import channel, check_rate, filtered, sampled
+from taichi_foam.formulas.traces import channel, check_rate, even_means, filtered, sampled
 from taichi_foam.scene import Scene
 from taichi_foam.scene.traces import FEWEST, read_trace
 
@@ -122,10 +122,7 @@ class Reader:
         edges = np.arange(time[0] - pad, time[-1] + pad + self.step, self.step)
         # samples that keep the integral of the trace, so that noise is averaged and not picked
         mean = values[1:] if means else 0.5 * (values[1:] + values[:-1])
-        speed = np.concatenate([[0.0], np.cumsum(mean * np.diff(time))])
-        beyond = np.maximum(edges - time[-1], 0.0) * values[-1]
-        samples = np.diff(np.interp(edges, time, speed) + beyond) / self.step
-        middle = 0.5 * (edges[1:] + edges[:-1])
+        middle, samples = even_means(time, mean, values[-1], edges, self.step)
         return middle, filtered(middle, samples, self.channel_class)
 
     def figures(self, series: Array) -> Array:

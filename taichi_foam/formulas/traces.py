@@ -96,16 +96,27 @@ def filtered(
     count = int(np.ceil((t[-1] - t[0]) / step))
     edges = t[0] + step * np.arange(-pad, count + pad + 1)
     if means:
-        # even resampling that preserves the integral of every interval
-        total = np.concatenate([[0.0], np.cumsum(raw[1:] * widths)])
-        beyond = np.maximum(edges - t[-1], 0.0) * raw[-1]
-        samples = np.diff(np.interp(edges, t, total) + beyond) / step
-        at = 0.5 * (edges[1:] + edges[:-1])
+        at, samples = even_means(t, raw[1:], raw[-1], edges, step)
     else:
         samples, at = np.interp(edges, t, raw), edges
     cutoff = PASS_CUTOFF * channel_class * step
     forth = low_pass(samples, cutoff)
     return np.interp(t, at, low_pass(forth[::-1], cutoff)[::-1])
+
+
+def even_means(
+    time: Array, means: Array, after: float, edges: Array, step: float
+) -> tuple[Array, Array]:
+    """Middles and means (m,) of even intervals, `step` wide, that keep the integral of others.
+
+    means  (n - 1,) between the times (n,); before them all is 0
+    after  the value after them
+    edges  (m + 1,) of the even intervals
+    """
+    total = np.append(0.0, np.cumsum(means * np.diff(time)))
+    beyond = np.maximum(edges - time[-1], 0.0) * after
+    even = np.diff(np.interp(edges, time, total) + beyond) / step
+    return 0.5 * (edges[1:] + edges[:-1]), even
 
 
 def sampled(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
