@@ -62,8 +62,8 @@ Array = NDArray[np.float64]
 MOST_DROPS, MOST_RUNS, MOST_POINTS = 5, 100, 100
 MOST_CURVES = 60
 
-THICKNESSES, HEIGHTS = (1e-3, 1.0), (1e-3, 20.0)
-"""Limits of thicknesses and of heights of fall [m]: beyond them a unit is probably mistaken."""
+_LIMITS = {"thickness": (1e-3, 1.0), "drop_height": (1e-3, 20.0)}
+"""Limits [m]: beyond them a unit is probably mistaken."""
 
 _ENDLESS = 1e6
 """A peak [g] in place of none, where lines between points need a number."""
@@ -445,10 +445,9 @@ def cushion_curve(
         KeyboardInterrupt: Ctrl-C; what is computed is kept in `out`.
     """
     shapes = _shapes(shape)
-    thicknesses = _lengths("thickness", thickness, THICKNESSES)
-    heights = _lengths("drop_height", drop_height, HEIGHTS)
+    lengths = _numbers("thickness", thickness), _numbers("drop_height", drop_height)
     asked = _Asked(
-        foam, shapes, [Pad(*each) for each in product(shapes, thicknesses, heights)],
+        foam, shapes, [Pad(*each) for each in product(shapes, *lengths)],
         static_stress, static_range, drops, runs, channel_class, points,
         {"width": width, "depth": depth, "density": density},
         None if tests is None else own_tests.read(Path(tests)),
@@ -725,27 +724,20 @@ def _shapes(shape: Any) -> dict[str, Any]:
 
 
 def _numbers(name: str, values: Any) -> list[float]:
-    """One or several positive numbers, each once."""
-    listed = [values] if isinstance(values, int | float | str) else list(values)
+    """One or several numbers above 0, each once, and within `_LIMITS`."""
+    listed: list[Any] = [values] if isinstance(values, int | float | str) else list(values)
     if not listed:
         raise UserError(f"{name}: none given. Fix: give at least one in {energy.EXAMPLES[name]}")
     for each in listed:
         energy.check_above_0(**{name: each})
+        low, high = _LIMITS.get(name, (0.0, math.inf))
+        if not low <= each <= high:
+            raise UserError(
+                f"{name} = {each:g} m: must be {low:g} to {high:g} {energy.EXAMPLES[name]}"
+            )
     if len(set(listed)) < len(listed):
         raise UserError(f"{name}: {max(listed, key=listed.count):g} is there twice; leave it out")
     return [float(each) for each in listed]
-
-
-def _lengths(name: str, values: Any, limits: tuple[float, float]) -> list[float]:
-    """Lengths within limits [m]."""
-    found = _numbers(name, values)
-    for each in found:
-        if not limits[0] <= each <= limits[1]:
-            raise UserError(
-                f"{name} = {each:g} m: must be {limits[0]:g} to {limits[1]:g} "
-                f"{energy.EXAMPLES[name]}"
-            )
-    return found
 
 
 def _range(ends: Any) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.cushions import sizing
-from taichi_foam.cushions.sizing import Cushioning, Pad
+from taichi_foam.cushions.sizing import Pad
 from taichi_foam.cushions.verify import FILTER
 from taichi_foam.picture.style import (
     BLUE,
@@ -84,7 +84,8 @@ def curve(found: Design) -> Figure:
         axis.plot(at, pad.g, "o", color="white", markeredgecolor=BLUE, markersize=9,
                   markeredgewidth=2, zorder=5, label="this pad, by the formula")  # fmt: skip
         axis.set_xscale("log")
-        _label_log(axis, at / 8.0, at * 4.0)
+        axis.set_xlim(at / 8.0, at * 4.0)
+        plain_log(axis.xaxis)
         axis.set_ylim(0.0, top)
         axis.set_xlabel(f"static stress ({units.unit('stress')})")
         axis.set_ylabel("peak deceleration (g)")
@@ -108,7 +109,10 @@ def thickness(found: Design) -> Figure:
         axis = figure.subplots()
         across = np.geomspace(least, most, 80)
         top = _TOP * wish.fragility
-        curves = {foam.label: np.array([_least(foam, t, found) for t in across]) for foam in foams}
+        curves = {}
+        for foam in foams:
+            by_formula = (sizing.response(foam, t, wish.drop, wish.drops) for t in across)
+            curves[foam.label] = np.array([each.g[each.best] for each in by_formula])
         for colour, group in zip(_COLOURS, _alike(curves), strict=False):
             x = units.of("length", 1.0) * across
             axis.plot(x, curves[group[0]], color=colour, label=_listed(group))
@@ -119,7 +123,8 @@ def thickness(found: Design) -> Figure:
         if wish.max_thickness is not None:
             axis.axvline(units.of("length", wish.max_thickness), color=INK, linestyle="--")
         axis.set_xscale("log")
-        _label_log(axis, *(units.of("length", each) for each in (least, most)))
+        axis.set_xlim(*(units.of("length", each) for each in (least, most)))
+        plain_log(axis.xaxis)
         axis.set_ylim(0.0, top)
         axis.set_xlabel(f"thickness ({units.unit('length')})")
         axis.set_ylabel("least peak, at the best static stress (g)")
@@ -172,11 +177,6 @@ def _neighbours(found: Design, pad: Pad) -> list[float]:
     return sorted({pad.thickness / 2, *thinner, pad.thickness, *thicker})
 
 
-def _least(foam: Cushioning, thickness: float, found: Design) -> float:
-    response = sizing.response(foam, thickness, found.wish.drop, found.wish.drops)
-    return float(response.g[response.best])
-
-
 def _alike(curves: Mapping[str, Array]) -> list[list[str]]:
     """Names of curves that cannot be told apart, together."""
     groups: list[list[str]] = []
@@ -194,9 +194,3 @@ def _listed(names: Sequence[str]) -> str:
     """Names for a legend, of many the first ones."""
     more = len(names) - _NAMED
     return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
-
-
-def _label_log(axis: Axes, low: float, high: float) -> None:
-    """Plain numbers on a logarithmic axis across."""
-    axis.set_xlim(low, high)
-    plain_log(axis.xaxis)
