@@ -55,22 +55,22 @@ MOST = 40
 class Absorber:
     """A foam in compression, from rest to the end of what is known of it.
 
-    name            as it was asked for
-    title, source   what foam it is, and where its curve is from
-    density         kg/m3; None: not known
+    name, title     as it was asked for, and what foam it is
     strain, stress  (n,) points of the curve, fractions and Pa, positive in compression
     plateau_stress  Pa, as its law or its test defines it
+    source          where its curve is from
+    density         kg/m3; None: not known
     known_to        strain up to which the curve is from its source, and assumed beyond; None: all
     onset_is_assumed  whether the law's densification strain is assumed
     """
 
     name: str
     title: str
-    source: str
-    density: float | None
     strain: Array
     stress: Array
     plateau_stress: float
+    source: str = ""
+    density: float | None = None
     known_to: float | None = None
     onset_is_assumed: bool = False
 
@@ -288,9 +288,9 @@ def _of_law(foam: BondFoam, name: str, title: str) -> Absorber:
     strain = np.union1d(np.linspace(0.0, -marks.limit, POINTS), ends)
     stress = stress_over(foam, strain, f"foam {name}")
     known = stress <= STEEP * marks.plateau_stress
-    return Absorber(name, title, "", None, strain[known], stress[known], marks.plateau_stress)
+    return Absorber(name, title, strain[known], stress[known], marks.plateau_stress)
 
 
 def _of_curve(curve: Curve, name: str, title: str) -> Absorber:
     strain = np.union1d(curve.points[0], np.arange(0.0, curve.tested, FINE))
-    return Absorber(name, title, "", None, strain, curve.stress_at(strain), curve.plateau_stress)
+    return Absorber(name, title, strain, curve.stress_at(strain), curve.plateau_stress)

@@ -217,7 +217,9 @@ class Wish(Part):
         fix="it is in g, not in m/s2: 15 to 25 g for the most fragile products, 40 to 60 g for "
         "electronics; 1 g is what a product carries at rest",
     )
-    drops: int = quantity(1, "-", "falls that it survives on one cushion", at_least=1, at_most=20)
+    drops: int = quantity(
+        1, "-", "falls that it survives on one cushion", at_least=1, at_most=20, fix="1 is usual"
+    )
     stock: tuple[Annotated[float, Field(gt=0)], ...] = Field(
         description="thicknesses to choose from [m]",
         json_schema_extra={"allowed": "above 0 m", "fix": "50 mm is 0.05"},

@@ -124,7 +124,7 @@ def sampled(time: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     t, raw = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
     _check_lengths(t, raw)
     if raw.size < 2 or not (np.isfinite(t).all() and np.isfinite(raw).all()):
-        raise UserError(f"{raw.size} samples: must be at least two, all finite")
+        raise UserError(f"{raw.size} samples: must be at least two, all finite; remove the others")
     _check_rising(t)
     return t, raw
 
