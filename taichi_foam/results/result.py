@@ -133,7 +133,7 @@ def storage_bytes(scene: Scene) -> int:
     Snapshots count twice: they are first stored as they are recorded, then packed.
     """
     rows = scene.numerics.latest_end / scene.output.history_interval + 2
-    state = 16 * 8 * scene.block.columns * scene.block.rows
+    state = 8 * sum(map(math.prod, shapes_of(Cushion, scene).values()))
     return int(2 * snapshots_bytes(scene) + state + 25 * len(COLUMNS) * rows) + 100_000
 
 

@@ -17,12 +17,13 @@ import pytest
 from taichi_foam.analysis import measures
 from taichi_foam.errors import UserError
 from taichi_foam.picture.figures import ledger_layers
+from taichi_foam.records.cushion import Cushion, shapes_of
 from taichi_foam.records.history import HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_json
 from taichi_foam.results.manifest import Manifest
-from taichi_foam.results.result import OUTPUTS, Result, storage_bytes
-from taichi_foam.scene import Block, Numerics, Output, Scene, Wedge
+from taichi_foam.results.result import OUTPUTS, Result, snapshots_bytes, storage_bytes
+from taichi_foam.scene import Block, Curve, Numerics, Output, RecoveringFoam, Scene, Wedge
 from taichi_foam.simulation.after import After
 
 READ_BACK = ["history.csv", "scene.toml", "snapshots.npz", "summary.json"]
@@ -292,6 +293,28 @@ def test_storage_estimate_is_an_upper_bound(tmp_path: Path, make_result, make_sn
     Result(scene, noise.history, noise.snapshots, {}).save(tmp_path / "run")
     taken = sum(file.stat().st_size for file in (tmp_path / "run").iterdir())
     assert taken < storage_bytes(scene) < 4 * taken
+
+
+def test_the_estimate_has_room_for_all_that_bonds_remember(tmp_path: Path, make_result) -> None:
+    """Bonds of foam whose gas leaks remember more than their worst strain."""
+    scene = Scene(
+        name="noise",
+        block=Block(columns=200, rows=100),
+        impactor=Wedge(),
+        foam=RecoveringFoam(
+            curve=Curve(strain=(0.0, 0.05, 0.9), stress=(0.0, 1e5, 1e6)),
+            gas_pressure=1e5,
+            gas_leak_time=1.0,
+        ),
+        numerics=Numerics(end=1e-3),
+        output=Output(history_interval=1e-3),
+    )
+    rng, shapes = np.random.default_rng(1), shapes_of(Cushion, scene)
+    assert any(name.startswith("own.") for name in shapes)
+    arrays = {name: rng.standard_normal(shape) for name, shape in shapes.items()}
+    result = Result(scene, make_result(scene).history, [], {}, Cushion.from_arrays(arrays))
+    state = result.save(tmp_path / "run") / "state.npz"
+    assert state.stat().st_size < storage_bytes(scene) - 2 * snapshots_bytes(scene)
 
 
 def test_the_crack_path_is_kept_as_polylines(noisy: Result, saved: Path) -> None:
