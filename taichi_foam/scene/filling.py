@@ -94,7 +94,8 @@ def filling(block: Block) -> Filling:
 
 @lru_cache(maxsize=64)
 def _kept(block: Block) -> Filling:
-    if not block.outline and not block.holes and block.lattice_angle_deg == 0:
+    whole = block.model_copy(update={"outline": ()}).corners
+    if {*block.corners} == {*whole} and not block.holes and block.lattice_angle_deg == 0:
         return _rectangle(block)
     return _cut(block, in_cells(block))
 

@@ -15,7 +15,7 @@ from taichi_foam.errors import UserError
 from taichi_foam.scene import Block, FlatBlock, Scene, outlines
 from taichi_foam.scene.block import Layer
 from taichi_foam.scene.files import scene_from_text, scene_to_toml
-from taichi_foam.scene.filling import Filling, filling, thin_parts
+from taichi_foam.scene.filling import Filling, _cut, filling, in_cells, thin_parts
 
 ARRAYS = ("mass", "face_a", "face_b", "reach", "share", "cell", "on_base", "owner")
 DROP = {"impactor": {"shape": "flat", "velocity": 3.0, "width": 0.05}}
@@ -59,9 +59,18 @@ def test_a_rectangle_that_is_drawn_is_the_plain_block(
     drawn = plain.model_copy(update={"outline": tuple(map(tuple, corners.tolist()))})
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(filling(drawn), name), getattr(filling(plain), name))
+    # filled by cutting cells, as any other outline, it differs in the reach near its sides alone
+    cut = _cut(plain, in_cells(plain))
+    for name in (each for each in ARRAYS if each not in ("reach", "owner")):
+        np.testing.assert_array_equal(getattr(cut, name), getattr(filling(plain), name))
+    beside = (np.minimum(np.arange(columns), np.arange(columns)[::-1]) + 0.5) * plain.dx
+    inner = beside > 0.5 * max(plain.dx, plain.dy)
+    np.testing.assert_array_equal(cut.reach[inner], filling(plain).reach[inner])
+    np.testing.assert_array_equal(cut.area, filling(plain).area)
     if rows >= 10:  # a layer that ends within a row of cells: equal but for rounding
         layers = {"layers": (Layer(bottom=0.0, top=top * height, density=80.0),)}
-        of_both = [filling(block.model_copy(update=layers)).mass for block in (drawn, plain)]
+        layered = plain.model_copy(update=layers)
+        of_both = [_cut(layered, in_cells(layered)).mass, filling(layered).mass]
         # areas that are cut are rounded, both parts of the row's cells by half of this each
         rounded = 10.0**-outlines.ROUNDING * of_both[1].max()
         np.testing.assert_allclose(*of_both, rtol=1e-15, atol=rounded)
@@ -74,10 +83,9 @@ def test_what_a_plain_block_is() -> None:
     assert (filled.face_a == 1).all()
     assert (filled.face_b == 1).all()
     assert (filled.on_base == (np.arange(10) == 0)).all()
-    # from the mass point to its nearest face; inside half of a cell of the same area
-    assert (filled.reach[1:-1, -1] == 0.5 * block.dy).all()
-    assert (filled.reach[0] == 0.5 * block.dx).all()  # which is the smaller side
-    assert (filled.reach[1:-1, 1:-1] == 0.5 * math.sqrt(block.dx * block.dy)).all()
+    # from the mass point to the bottom or the top; inside half of a cell of the same area
+    assert (filled.reach[:, [0, -1]] == 0.5 * block.dy).all()
+    assert (filled.reach[:, 1:-1] == 0.5 * math.sqrt(block.dx * block.dy)).all()
 
 
 # --- mass -----------------------------------------------------------------------------------------
