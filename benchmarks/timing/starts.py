@@ -60,14 +60,12 @@ def _first_step(cache: str, arguments: tuple[str, ...]) -> float:
 
 def memory(mode: Mode, threads: int) -> float:
     """Bytes per node of a big lattice that has stepped, beyond what a small one's process takes."""
-    # a small one as thoroughly as a big one: compiling takes memory, too
-    effort = {EFFORT: "1"} if mode.large != SMALL else {}
-    found = {
-        counts: _number(
-            [sys.executable, "-m", "timing.resident", str(threads), *map(str, counts)], **effort
-        )
-        for counts in {SMALL, mode.large}
-    }
+    found = {}
+    for counts in {SMALL, mode.large}:
+        for _ in range(2):  # the first may compile, which takes memory, too
+            found[counts] = _number(
+                [sys.executable, "-m", "timing.resident", str(threads), *map(str, counts)]
+            )
     return (found[mode.large] - found[SMALL]) / (mode.large[0] * mode.large[1])
 
 
