@@ -215,10 +215,15 @@ class Block(Part):
         return self.density * self.dx * self.dy * self.depth
 
     @property
-    def corners(self) -> tuple[tuple[float, float], ...]:
-        """Corners [x, y] of the foam's outline [m], those of the rectangle if none are given."""
+    def frame(self) -> tuple[tuple[float, float], ...]:
+        """Corners [x, y] of the rectangle of its width and height [m]."""
         half, top = self.width / 2, self.height
-        return self.outline or ((-half, 0.0), (half, 0.0), (half, top), (-half, top))
+        return (-half, 0.0), (half, 0.0), (half, top), (-half, top)
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """Corners [x, y] of the foam's outline [m], those of its frame if none are given."""
+        return self.outline or self.frame
 
     @property
     def is_rectangle(self) -> bool:

@@ -94,8 +94,7 @@ def filling(block: Block) -> Filling:
 
 @lru_cache(maxsize=64)
 def _kept(block: Block) -> Filling:
-    whole = block.model_copy(update={"outline": ()}).corners
-    if {*block.corners} == {*whole} and not block.holes and block.lattice_angle_deg == 0:
+    if {*block.corners} == {*block.frame} and not block.holes and block.lattice_angle_deg == 0:
         return _rectangle(block)
     return _cut(block, in_cells(block))
 
