@@ -5,6 +5,7 @@ from __future__ import annotations
 import reprlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
@@ -121,6 +122,25 @@ class _Told:
         if not all(isinstance(each, int | float) for each in self._values):
             return f"<{count} values>"
         return f"<{count} numbers, {min(self._values):g} to {max(self._values):g}>"
+
+
+@dataclass(frozen=True)
+class Control:
+    """A value that a live page offers: its field, label, range and step [shown unit].
+
+    low, high, step  of its slider, which covers the usual values
+    unit             shown unit, of `factor` SI units
+    log              whether the slider is logarithmic
+    """
+
+    field: str
+    label: str
+    low: float
+    high: float
+    step: float
+    unit: str = ""
+    factor: float = 1.0
+    log: bool = False
 
 
 def quantity(

@@ -14,9 +14,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from taichi_foam import catalogue
 from taichi_foam.errors import UserError
+from taichi_foam.laws.bond import BondFoam
 from taichi_foam.laws.shape import SHAPES, Impactor
-from taichi_foam.parts import Part
-from taichi_foam.scene import Block, Foam, Scene
+from taichi_foam.parts import Control, Part
+from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.options import Numerics
 
 Value = int | float | None
@@ -70,63 +71,66 @@ def renamed(scene: Scene, given: Scene, changes: Mapping[str, str]) -> Scene:
 
 @dataclass(frozen=True)
 class Knob:
-    """One control.
+    """One control of a view.
 
-    low, high, step  range of its slider, which covers the usual values [unit]
-    unit             display unit, of `factor` SI units
-    shapes           impactor shapes that have it; empty: independent of the shape
-    log              whether the slider is logarithmic
+    group    group that shows it
+    head     key of the part with the value: "impactor", "block", ...
+    control  the value's field, label and slider
+    owner    class of the part that has the field, with its range
+    shapes   impactor shapes that have it; empty: independent of the shape
     """
 
     group: str
-    key: str
-    label: str
-    low: float
-    high: float
-    step: float
-    unit: str = ""
-    factor: float = 1.0
+    head: str
+    control: Control
+    owner: type[Part]
     shapes: tuple[str, ...] = ()
-    log: bool = False
+
+    @property
+    def key(self) -> str:
+        """Dotted key of the value in a scene."""
+        return f"{self.head}.{self.control.field}"
+
+    @property
+    def label(self) -> str:
+        """Name of the value, for users."""
+        return self.control.label
 
 
 _IMPACTOR = (
-    Knob("impactor", "impactor.velocity", "velocity", 0.5, 6.0, 0.02, "m/s"),
-    Knob("impactor", "impactor.mass", "mass", 1.0, 20.0, 0.1, "kg"),
-    Knob("impactor", "impactor.rotation_deg", "tilt", -90, 90, 1, "°"),
+    Control("velocity", "velocity", 0.5, 6.0, 0.02, "m/s"),
+    Control("mass", "mass", 1.0, 20.0, 0.1, "kg"),
+    Control("rotation_deg", "tilt", -90, 90, 1, "°"),
 )
-_REST = (
-    Knob("impactor", "impactor.friction", "friction", 0.0, 1.0, 0.01),
-    Knob("block", "block.depth", "depth", 10, 200, 1, "mm", 1e-3),
-    Knob("block", "block.columns", "columns", 10, 120, 2),
-    Knob("block", "block.rows", "rows", 5, 60, 1),
-    Knob("block", "block.density", "density", 10, 100, 0.1, "kg/m³"),
-    Knob("block", "numerics.gravity", "gravity", 0.0, 20.0, 0.01, "m/s²"),
-    Knob("foam", "foam.youngs_modulus", "Young's modulus", 0.3, 30, 0.01, "MPa", 1e6, log=True),
-    Knob("foam", "foam.shear_modulus", "shear modulus", 0.1, 10, 0.01, "MPa", 1e6, log=True),
-    Knob("foam", "foam.yield_strain", "yield strain", -0.2, -0.01, 0.001),
-    Knob("foam", "foam.densification_strain", "densification", -0.94, -0.3, 0.01),
-    Knob("foam", "foam.tensile_strain", "tensile limit", 0.01, 0.3, 0.001),
-    Knob("foam", "foam.shear_strain", "shear limit", 0.01, 0.5, 0.005),
-    Knob("foam", "foam.rate", "rate D", 5, 100_000, 1, "1/s", log=True),
+_FRICTION = Control("friction", "friction", 0.0, 1.0, 0.01)
+_BLOCK = (
+    Control("depth", "depth", 10, 200, 1, "mm", 1e-3),
+    Control("columns", "columns", 10, 120, 2),
+    Control("rows", "rows", 5, 60, 1),
+    Control("density", "density", 10, 100, 0.1, "kg/m³"),
 )
+_GRAVITY = Control("gravity", "gravity", 0.0, 20.0, 0.01, "m/s²")
 
 
-def knobs() -> tuple[Knob, ...]:
-    """All controls, in the page's order; each shape lists its own sizes.
+def knobs(foam: BondFoam) -> tuple[Knob, ...]:
+    """All controls of a scene with this foam, in the page's order.
 
-    Shapes with a common field share its control.
+    Each shape lists its own sizes, and each law its own values. Shapes with a common field share
+    its control.
     """
     sizes: dict[str, Knob] = {}
     for shape in offered_shapes():
         for one in SHAPES[shape].controls:
-            key = f"impactor.{one.field}"
-            if key in sizes:
-                sizes[key] = replace(sizes[key], shapes=(*sizes[key].shapes, shape))
-                continue
-            span = (one.low, one.high, one.step)
-            sizes[key] = Knob("impactor", key, one.label, *span, one.unit, one.factor, (shape,))
-    return (*_IMPACTOR, *sizes.values(), *_REST)
+            known = sizes.get(one.field) or Knob("impactor", "impactor", one, SHAPES[shape])
+            sizes[one.field] = replace(known, shapes=(*known.shapes, shape))
+    return (
+        *(Knob("impactor", "impactor", one, Impactor) for one in _IMPACTOR),
+        *sizes.values(),
+        Knob("impactor", "impactor", _FRICTION, Impactor),
+        *(Knob("block", "block", one, Block) for one in _BLOCK),
+        Knob("block", "numerics", _GRAVITY, Numerics),
+        *(Knob("foam", "foam", one, type(foam)) for one in foam.controls),
+    )
 
 
 class Controls:
@@ -137,8 +141,7 @@ class Controls:
         self.shape = given.impactor.shape if given.impactor else NO_SHAPE
         offered = offered_shapes()
         self.shapes = offered if self.shape in offered else (self.shape, *offered)
-        # other laws have other constants
-        self.knobs = {knob.key: knob for knob in knobs() if _has_field(given, knob)}
+        self.knobs = {knob.key: knob for knob in knobs(given.foam)}
         self.defaults = self.values_of(given)
 
     def told(self) -> dict[str, Any]:
@@ -217,19 +220,23 @@ class Controls:
         return not knob.shapes or shape in knob.shapes
 
     def _told(self, knob: Knob) -> dict[str, Any]:
-        schema = _schema(knob)
+        schema, control = _schema(knob), knob.control
         limits = {
             "above": schema.get("exclusiveMinimum"),
             "": schema.get("minimum"),
             "to": schema.get("maximum"),
             "below": schema.get("exclusiveMaximum"),
         }
-        given = {word: limit / knob.factor for word, limit in limits.items() if limit is not None}
+        given = {
+            word: limit / control.factor for word, limit in limits.items() if limit is not None
+        }
         spoken = " ".join(f"{word} {limit:,.12g}".strip() for word, limit in given.items())
         spoken = spoken.replace(" below", ", below")
-        allowed = f"{spoken} {knob.unit}".strip()
+        allowed = f"{spoken} {control.unit}".strip()
         return {
-            **asdict(knob),
+            **asdict(control),
+            "group": knob.group,
+            "key": knob.key,
             "shapes": [shape for shape in self.shapes if self._has(shape, knob)],
             "whole": schema["type"] == "integer",
             "optional": schema["optional"],
@@ -241,39 +248,24 @@ class Controls:
         }
 
 
-def _part(knob: Knob) -> type[Part]:
-    """The class that has the control's field."""
-    if knob.shapes:
-        return SHAPES[knob.shapes[0]]
-    parts = {"impactor": Impactor, "block": Block, "foam": Foam, "numerics": Numerics}
-    return parts[knob.key.split(".")[0]]
-
-
-def _has_field(scene: Scene, knob: Knob) -> bool:
-    """Whether the scene has the control's field; foams differ in theirs."""
-    head, field = knob.key.split(".")
-    return head != "foam" or field in type(scene.foam).model_fields
-
-
 @lru_cache(maxsize=64)
 def _schema(knob: Knob) -> dict[str, Any]:
     """The field's JSON schema; for an optional number, the schema of the number."""
-    schema = _part(knob).model_json_schema()["properties"][knob.key.split(".")[1]]
+    schema = knob.owner.model_json_schema()["properties"][knob.control.field]
     numbers = [each for each in schema.get("anyOf", []) if each["type"] != "null"]
     return {**schema, **(numbers[0] if numbers else {}), "optional": bool(numbers)}
 
 
 def _value(scene: Scene, knob: Knob) -> Value:
-    head, field = knob.key.split(".")
-    part = getattr(scene, head)
+    part, field = getattr(scene, knob.head), knob.control.field
     if hasattr(part, field) and (not knob.shapes or part.shape in knob.shapes):
         return getattr(part, field)
-    return _part(knob).model_fields[field].default
+    return knob.owner.model_fields[field].default
 
 
 def _check_range(knob: Knob, value: Value) -> None:
     """Raise UserError, as a scene would, for a value out of the field's range."""
-    field = _part(knob).model_fields[knob.key.split(".")[1]]
+    field = knob.owner.model_fields[knob.control.field]
     number: Any = Annotated[field.annotation, field]
     try:
         TypeAdapter(number, config=Part.model_config).validate_python(value)
@@ -286,7 +278,8 @@ def _check_range(knob: Knob, value: Value) -> None:
 
 
 def _shown(knob: Knob, value: Value) -> str:
-    return "none" if value is None else f"{value / knob.factor:.6g} {knob.unit}".rstrip()
+    control = knob.control
+    return "none" if value is None else f"{value / control.factor:.6g} {control.unit}".rstrip()
 
 
 def _nodes(scene: Scene) -> int:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from taichi_foam.backend import ti
 from taichi_foam.laws import elementary
-from taichi_foam.parts import Part, quantity, text
+from taichi_foam.parts import Control, Part, quantity, text
 
 TABLE_ROWS, TABLE_COLUMNS = 1001, 5
 """Size of the table that a law may have: one row each for strains of 0, -0.001 and so on to -1.
@@ -93,6 +93,8 @@ class BondFoam(Part):
 
     For a user's foam, which gives some of these keys, the program reports the others with them.
     """
+    controls: ClassVar[tuple[Control, ...]] = ()
+    """Values that can be changed on a live page. A law lists those of its base classes, too."""
     source: str | None = text(
         None, "origin of its values: the name of a foam, a test, a publication", 1000
     )

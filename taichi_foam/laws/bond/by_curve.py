@@ -29,7 +29,7 @@ from taichi_foam.laws.bond.curve import (
     UNLOADING,
     Curve,
 )
-from taichi_foam.parts import completed, is_number, quantity
+from taichi_foam.parts import Control, completed, is_number, quantity
 
 DAMPED = 0.005
 """Upper limit of dashpot stress over plateau stress per closing speed of a row of cells [s/m].
@@ -64,6 +64,10 @@ class CurveFoam(CrushingFoam):
             "crushed_tensile_fraction": "that of the paper's foam",
         }
         | UNLESS_GIVEN
+    )
+    controls: ClassVar[tuple[Control, ...]] = (
+        *CrushingFoam.controls,
+        Control("densification_strain", "densification", -0.94, -0.1, 0.01),
     )
 
     curve: Curve = Field(

@@ -18,7 +18,7 @@ from taichi_foam.backend import ti
 from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import Landmarks
 from taichi_foam.laws.bond.crushing import UNLESS_GIVEN, Crushing, CrushingFoam
-from taichi_foam.parts import quantity
+from taichi_foam.parts import Control, quantity
 
 # The densification law is singular at the locking strain. Within this fraction of the interval from
 # locking to densification it continues as its tangent, so that a trial stage that overshoots still
@@ -48,6 +48,12 @@ class Foam(CrushingFoam):
         )
         | UNLESS_GIVEN
     )  # fmt: skip
+    controls: ClassVar[tuple[Control, ...]] = (
+        *CrushingFoam.controls,
+        Control("yield_strain", "yield strain", -0.2, -0.01, 0.001),
+        Control("densification_strain", "densification", -0.94, -0.3, 0.01),
+        Control("rate", "rate D", 5, 100_000, 1, "1/s", log=True),
+    )
     yield_strain: float = quantity(
         -0.05,
         "compression",

@@ -5,12 +5,12 @@ law of this kind gives the slope of unloading and the strain at zero stress (`un
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from taichi_foam.backend import ti
 from taichi_foam.laws import elementary
 from taichi_foam.laws.bond.base import OPENING, SLIDING, BondFoam, BondLaw, Limit
-from taichi_foam.parts import choice, quantity
+from taichi_foam.parts import Control, choice, quantity
 
 # Slope of packed foam beyond the densification strain, in Young's moduli.
 PACKED = 4.0
@@ -33,6 +33,13 @@ UNLESS_GIVEN = {
 
 class CrushingFoam(BondFoam):
     """Failure of crushable foam (paper, Table 1, Sections 4.5, 4.6). Strains: tension positive."""
+
+    controls: ClassVar[tuple[Control, ...]] = (
+        Control("youngs_modulus", "Young's modulus", 0.3, 30, 0.01, "MPa", 1e6, log=True),
+        Control("shear_modulus", "shear modulus", 0.1, 10, 0.01, "MPa", 1e6, log=True),
+        Control("tensile_strain", "tensile limit", 0.01, 0.3, 0.001),
+        Control("shear_strain", "shear limit", 0.01, 0.5, 0.005),
+    )
 
     tensile_strain: float = quantity(
         0.05, "tension", "tensile strain at which a bond breaks", above=0, at_most=2

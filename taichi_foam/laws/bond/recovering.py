@@ -26,7 +26,7 @@ from taichi_foam.laws.bond import by_curve
 from taichi_foam.laws.bond.base import TABLE_COLUMNS, TABLE_ROWS, History
 from taichi_foam.laws.bond.by_curve import ByCurve, CurveFoam
 from taichi_foam.laws.bond.curve import STRESS, UNLOADING
-from taichi_foam.parts import quantity
+from taichi_foam.parts import Control, quantity
 
 Array = NDArray[np.float64]
 
@@ -55,6 +55,14 @@ class RecoveringFoam(CurveFoam):
             "permanent_set": "none: it comes back to its whole height",
             "recovery_time": "none: a set does not recover between drops",
         }
+    )
+    controls: ClassVar[tuple[Control, ...]] = (
+        *CurveFoam.controls,
+        Control("hysteresis_factor", "hysteresis factor", 0.01, 1, 0.01),
+        Control("hysteresis_shape", "hysteresis shape", 0.1, 20, 0.1, log=True),
+        Control("permanent_set", "permanent set", 0, 0.9, 0.01),
+        Control("gas_pressure", "gas pressure", 0, 200, 1, "kPa", 1e3),
+        Control("gas_leak_time", "gas leak time", 1, 1000, 1, "ms", 1e-3, log=True),
     )
     hysteresis_factor: float = quantity(
         0.25,

@@ -1,10 +1,10 @@
 """Impactor shapes. docs/extending.md tells how to add one."""
 
 from taichi_foam.laws.shape import bodies, polygon
-from taichi_foam.laws.shape.base import Control, Impactor
+from taichi_foam.laws.shape.base import Impactor
 from taichi_foam.parts import Registry
 
-__all__ = ["SHAPES", "Control", "Impactor"]
+__all__ = ["SHAPES", "Impactor"]
 
 SHAPES: Registry[Impactor] = Registry("shape", "what the impactor is")
 """Impactors by their `shape`."""

@@ -5,7 +5,6 @@ An impactor's outline is relative to a reference point at its mid-width (x = 0) 
 """
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Literal
 
@@ -15,7 +14,7 @@ from pydantic import model_validator
 
 from taichi_foam.backend import ti
 from taichi_foam.laws.shape import outline as geometry
-from taichi_foam.parts import Corner, Part, choice, quantity
+from taichi_foam.parts import Control, Corner, Part, choice, quantity
 
 SURFACE_ROWS = 1024
 """Most rows of numbers of a surface."""
@@ -25,22 +24,6 @@ MOST_CORNERS = SURFACE_ROWS // 2
 
 vec2 = ti.types.vector(2, ti.f64)
 vec3 = ti.types.vector(3, ti.f64)
-
-
-@dataclass(frozen=True)
-class Control:
-    """A size that a live page offers: its field, label, range and step [shown unit].
-
-    factor  SI units in one shown unit
-    """
-
-    field: str
-    label: str
-    low: float
-    high: float
-    step: float
-    unit: str
-    factor: float
 
 
 class Impactor(Part):

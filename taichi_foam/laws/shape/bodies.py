@@ -9,9 +9,9 @@ from pydantic import model_validator
 
 from taichi_foam.backend import ti
 from taichi_foam.laws.shape import outline as geometry
-from taichi_foam.laws.shape.base import Control, Impactor, vec3
+from taichi_foam.laws.shape.base import Impactor, vec3
 from taichi_foam.laws.shape.edges import Edged
-from taichi_foam.parts import quantity
+from taichi_foam.parts import Control, quantity
 
 CYLINDER_VERTICES = 64
 """Vertices of the polygon that draws a cylinder; contact uses the circle itself."""

@@ -11,14 +11,23 @@ import pytest
 
 from taichi_foam import load_scene
 from taichi_foam.errors import UserError
-from taichi_foam.laws.shape import SHAPES, Control
-from taichi_foam.live.controls import Controls, knobs, offered_shapes
+from taichi_foam.laws.shape import SHAPES
+from taichi_foam.live.controls import Controls, Knob, knobs, offered_shapes
 from taichi_foam.live.page import commands
 from taichi_foam.live.page.numbers import MOST_POINTS, UNSETTLED, Cursor, Curve, thinned
-from taichi_foam.scene import FlatBlock
+from taichi_foam.parts import Control
+from taichi_foam.scene import FlatBlock, Scene
 from taichi_foam.shim2000.impacts import paper_scene
 
 WEDGE = paper_scene("paper/wedge-2.86")
+CURVE = {"strain": [0.0, 0.05, 0.5, 0.7], "stress": [0.0, 1e5, 1.2e5, 5e5]}
+SERVED = {
+    "crushable": WEDGE,
+    **{
+        law: Scene.checked({**WEDGE.model_dump(), "foam": {"law": law, "curve": CURVE}}, law)
+        for law in ("tabulated", "recovering")
+    },
+}
 
 
 @pytest.fixture
@@ -68,13 +77,24 @@ def test_a_new_shape_brings_its_controls_and_its_place() -> None:
         assert list(controls.changes(scene).values()) == ["wide", "width 120 mm", "height 60 mm"]
     finally:
         SHAPES.remove("wide")
-    assert all("wide" not in knob.shapes for knob in knobs())
+    assert all("wide" not in knob.shapes for knob in knobs(WEDGE.foam))
 
 
-def test_sliders_stay_within_what_may_be(controls: Controls) -> None:
+@pytest.mark.parametrize("law", ["crushable", "tabulated", "recovering"])
+def test_sliders_stay_within_what_may_be(law: str) -> None:
+    controls = Controls(SERVED[law])
     for knob in controls.told()["knobs"]:
         for value in (knob["low"], knob["high"]):
             controls.check("wedge", {knob["key"]: _si(knob, value)})
+
+
+def test_a_law_brings_its_own_values_and_ranges() -> None:
+    """A foam that springs back has no yield strain, and its modulus is in the range of its law."""
+    told = {knob["key"]: knob for knob in Controls(SERVED["recovering"]).told()["knobs"]}
+    assert "foam.yield_strain" not in told
+    assert told["foam.gas_pressure"]["allowed"] == "0 to 10,000 kPa"
+    assert told["foam.gas_leak_time"]["optional"]
+    assert told["foam.youngs_modulus"]["about"].startswith("Young's modulus K, at least the curve")
 
 
 def _si(knob: dict, shown: float) -> int | float:
@@ -86,13 +106,22 @@ def test_unchanged_settings_are_the_scene_itself(controls: Controls) -> None:
     assert controls.changes(WEDGE) == {}
 
 
-@pytest.mark.parametrize("knob", knobs(), ids=lambda knob: knob.key)
-def test_every_control_reaches_its_key(controls: Controls, knob) -> None:
+@pytest.mark.parametrize(
+    ("law", "knob"),
+    [
+        pytest.param(law, knob, id=f"{law}-{knob.key}")
+        for law, scene in SERVED.items()
+        for knob in knobs(scene.foam)
+        if law == "crushable" or knob.head == "foam"
+    ],
+)
+def test_every_control_reaches_its_key(law: str, knob: Knob) -> None:
+    controls = Controls(SERVED[law])
     shape = knob.shapes[0] if knob.shapes else "wedge"
     value = {"impactor.angle_deg": 80.0, "impactor.radius": 0.03}.get(knob.key)
     if value is None:
         before = controls.defaults[knob.key]
-        value = (before or 1) + 1 if isinstance(before, int) else 1.1 * before if before else 1.0
+        value = (before or 1) + 1 if isinstance(before, int) else 1.1 * before if before else 0.5
     scene = controls.scene_of(shape, {knob.key: value})
     head, field = knob.key.split(".")
     assert getattr(getattr(scene, head), field) == value
