@@ -26,6 +26,7 @@ from taichi_foam.simulation.simulate import run
 WHOLE_RUNS: dict[Extent, str] = {
     "peers": "of what the peers have",
     "room": "with room and softening",
+    "apart": "of the model without contact of pieces",
     "whole": "of the whole model",
 }
 STEPS_PER_ROW = 30  # about, at the default interval

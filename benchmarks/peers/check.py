@@ -114,7 +114,7 @@ def compare_batch(
 
 
 def _what(name: str, choices: Choices, extent: Extent, threads: int) -> str:
-    much = {"peers": "", "room": " with room and softening", "whole": " whole"}[extent]
+    much = {"peers": "", "room": " with room and softening"}.get(extent, f" {extent}")
     return f"{name}, {choices}{much}, {threads} threads: engine"
 
 

@@ -13,7 +13,7 @@ from taichi_foam.shim2000.impacts import paper_scene
 
 CASE = "paper/rectangular-3.03"
 Choices = Literal["calibrated", "rated"]
-Extent = Literal["peers", "room", "whole"]
+Extent = Literal["peers", "room", "apart", "whole"]
 NO_OVERSHOOT: dict[str, object] = {"rate": None, "overshoot_strain": None, "yield_strain": -0.042}
 CHANGES: dict[Choices, dict[str, dict[str, object]]] = {
     "calibrated": {"foam": NO_OVERSHOOT, "impactor": {"friction": 0.14}},
@@ -25,6 +25,10 @@ friction that were calibrated without. Rated: a plateau that grows with the stra
 
 WHOLE_CELLS = {"rows": 20, "mass_points": "cells"}
 AT_ONCE = {"softening": False, "fracture_energy": None, "shear_fracture_energy": None}
+WHOLE = {
+    "foam": {"crush_band": None, **{key: PAPERS_FOAM[key] for key in NO_OVERSHOOT}},
+    "impactor": {"friction": CHOICE_SETS["calibrated"]["impactor.friction"]},
+}
 EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {
     "peers": {
         "block": WHOLE_CELLS,
@@ -36,16 +40,11 @@ EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {
         "model": {"self_contact": False},
         "foam": {"crush_band": None},
     },
-    "whole": {
-        "foam": {
-            "crush_band": None,
-            **{key: PAPERS_FOAM[key] for key in NO_OVERSHOOT},
-        },
-        "impactor": {"friction": CHOICE_SETS["calibrated"]["impactor.friction"]},
-    },
+    "apart": {**WHOLE, "model": {"self_contact": False}},
+    "whole": WHOLE,
 }
 """How much of the model: what the peers have; besides, the room of crushed foam and bonds that
-soften; and all of it, with contact of pieces, mass points on the block's faces and overshoot.
+soften; also mass points on the block's faces and overshoot; and all of it, with contact of pieces.
 (Pieces of foam without room fold, and their contact costs what it never does in a run.) All take
 strain rates over a cell: then dashpots limit the step, and all take the same ones."""
 
