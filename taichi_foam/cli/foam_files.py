@@ -17,8 +17,8 @@ from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.by_curve import CurveFoam
 from taichi_foam.laws.bond.fit import CrushableFit, ReturnFit, return_fit
-from taichi_foam.laws.bond.recovering import RecoveringFoam
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.recovering import RecoveringFoam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 from taichi_foam.parts import unit_of
 from taichi_foam.results.files import partial_name, whole_file
 from taichi_foam.scene import Scene

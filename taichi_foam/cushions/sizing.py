@@ -32,7 +32,7 @@ from taichi_foam.cushions.scenes import called, stress_over
 from taichi_foam.formulas.energy import absorbed_energy
 from taichi_foam.laws.bond import BondFoam, Curve
 from taichi_foam.laws.bond.curve import PLATEAU
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 from taichi_foam.parts import Part, choice, quantity
 from taichi_foam.scene import Block, library
 from taichi_foam.units import STANDARD_GRAVITY, rounded

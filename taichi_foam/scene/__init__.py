@@ -6,13 +6,12 @@ readable text.
 """
 
 from taichi_foam.choices import CHOICE_SETS
-from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.bond import kinds as laws
 from taichi_foam.laws.bond.curve import Curve
-from taichi_foam.laws.bond.recovering import RecoveringFoam
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds import *  # noqa: F403
+from taichi_foam.laws.shape import kinds as shapes
 from taichi_foam.laws.shape.base import Impactor
-from taichi_foam.laws.shape.bodies import Cylinder, Ellipse, FlatBlock, IShape, Wedge
-from taichi_foam.laws.shape.polygon import Outline, Polygon
+from taichi_foam.laws.shape.kinds import *  # noqa: F403
 from taichi_foam.scene.block import Across, Block, Layer
 from taichi_foam.scene.options import Base, Model, Numerics, Output, Pulse, Start
 from taichi_foam.scene.scene import Scene
@@ -24,26 +23,18 @@ __all__ = [
     "Base",
     "Block",
     "Curve",
-    "Cylinder",
-    "Ellipse",
-    "FlatBlock",
-    "Foam",
-    "IShape",
     "Impactor",
     "Layer",
     "Model",
     "Numerics",
-    "Outline",
     "Output",
-    "Polygon",
     "Pulse",
-    "RecoveringFoam",
     "Scene",
     "Start",
     "Support",
-    "TabulatedFoam",
-    "Wedge",
 ]
+__all__ += laws.__all__
+__all__ += shapes.__all__
 
 
 def __dir__() -> list[str]:

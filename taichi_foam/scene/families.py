@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.by_curve import SHEAR_OVER_YOUNG
-from taichi_foam.laws.bond.crushable import Foam
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.crushable import Foam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 from taichi_foam.scene.assumed import Origin
 from taichi_foam.scene.foam_file import FoamFile
 from taichi_foam.units import STRESS_UNITS

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import Curve
-from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.bond.kinds.crushable import Foam
 from taichi_foam.parts import Part
 from taichi_foam.scene.assumed import Origin
 from taichi_foam.scene.csv_file import Kind, two_columns

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import FOAMS, BondFoam, BondLaw
-from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.bond.kinds.crushable import Foam
 from taichi_foam.laws.shape import SHAPES, Impactor
 from taichi_foam.parts import Part
 from taichi_foam.scene import assumed, filling, library, motion, support

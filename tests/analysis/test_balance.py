@@ -8,7 +8,7 @@ import pytest
 import taichi_foam as tf
 from taichi_foam.analysis.balance import balance, doubt
 from taichi_foam.laws.bond import Curve
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 from taichi_foam.scene import Base, Block, Cylinder, FlatBlock, Foam, Output, Scene, Support
 from taichi_foam.units import STANDARD_GRAVITY
 

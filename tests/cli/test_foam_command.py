@@ -15,7 +15,7 @@ from taichi_foam.catalogue import load_scene
 from taichi_foam.engine.stresses import normal_stresses
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.fit import crushable_fit
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 from taichi_foam.picture.figures import compression_test
 from taichi_foam.scene.foam_file import read_foam
 from taichi_foam.scene.library import listed

@@ -14,7 +14,7 @@ from command_line import assert_refused
 from taichi_foam.cli.reference import COMMAND, keys_of, page
 from taichi_foam.laws.bond import FOAMS
 from taichi_foam.laws.bond.by_curve import FROM_CURVE
-from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.bond.kinds.crushable import Foam
 from taichi_foam.laws.shape import SHAPES
 from taichi_foam.parts import Part, quantity
 from taichi_foam.scene import CHOICE_SETS, Scene

@@ -10,7 +10,7 @@ import pytest
 from taichi_foam.cushions import handling, own_tests, sizing
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 from taichi_foam.scene.measured import read_curve
 from taichi_foam.units import STANDARD_GRAVITY
 

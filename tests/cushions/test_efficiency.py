@@ -8,8 +8,8 @@ import pytest
 import taichi_foam as tf
 from taichi_foam.errors import UserError
 from taichi_foam.laws.bond import Curve
-from taichi_foam.laws.bond.crushable import Foam
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.crushable import Foam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 
 
 def test_the_largest_efficiency_of_eq_26_is_its_closed_form() -> None:

@@ -11,7 +11,7 @@ from taichi_foam import load_scene
 from taichi_foam.engine import effort, kernel_cache
 from taichi_foam.engine.features import features_of
 from taichi_foam.engine.layout import SMALL_BLOCK, Size
-from taichi_foam.laws.shape.bodies import Ellipse
+from taichi_foam.laws.shape.kinds.bodies import Ellipse
 
 ROOM = Size(1, 48, 24)
 FEATURES = features_of(load_scene("paper/wedge-2.86"))

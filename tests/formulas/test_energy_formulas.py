@@ -7,7 +7,7 @@ import pytest
 
 from taichi_foam.errors import UserError
 from taichi_foam.formulas import energy
-from taichi_foam.laws.bond.crushable import Foam
+from taichi_foam.laws.bond.kinds.crushable import Foam
 
 EXACT = 1e-9
 FALL, THICK = 0.76, 0.05

@@ -7,8 +7,8 @@ import pytest
 
 from taichi_foam.engine.stresses import normal_stresses
 from taichi_foam.laws.bond import Curve
-from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.bond.fit import crushable_fit
+from taichi_foam.laws.bond.kinds.crushable import Foam
 from taichi_foam.scene import Scene
 from taichi_foam.scene.options import Numerics
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import isotonic_regression
 
 from taichi_foam.laws.bond import Curve
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 
 STRAIN = [0.0, 0.05, 0.4, 0.6, 0.7, 0.8]
 STRESS = [0.0, 100e3, 120e3, 160e3, 250e3, 800e3]

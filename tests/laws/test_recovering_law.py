@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.fit import return_fit
-from taichi_foam.laws.bond.recovering import RecoveringFoam
+from taichi_foam.laws.bond.kinds.recovering import RecoveringFoam
 from taichi_foam.scene.measured import read_test
 
 pytestmark = pytest.mark.usefixtures("taichi_runtime")

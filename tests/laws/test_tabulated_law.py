@@ -6,7 +6,7 @@ from law_bench import constants, densified, fails, loading, normal, shear_modulu
 from scipy.integrate import quad
 
 from taichi_foam.laws.bond import Curve
-from taichi_foam.laws.bond.tabulated import TabulatedFoam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 from taichi_foam.scene import Foam, Model
 
 pytestmark = pytest.mark.usefixtures("taichi_runtime")

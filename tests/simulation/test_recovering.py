@@ -14,7 +14,7 @@ import pytest
 
 import taichi_foam as tf
 from taichi_foam.laws.bond import Curve
-from taichi_foam.laws.bond.recovering import RecoveringFoam
+from taichi_foam.laws.bond.kinds.recovering import RecoveringFoam
 from taichi_foam.records.history import DISSIPATIONS
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Block, FlatBlock, Model, Output, Scene

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.formulas.energy import absorbed_energy
-from taichi_foam.laws.bond import crushable
 from taichi_foam.laws.bond.by_curve import SHEAR_OVER_PLATEAU, SHEAR_OVER_YOUNG
-from taichi_foam.laws.bond.crushable import Foam
 from taichi_foam.laws.bond.curve import LOCKS, Curve
+from taichi_foam.laws.bond.kinds import crushable
+from taichi_foam.laws.bond.kinds.crushable import Foam
 
 Array = NDArray[np.float64]
 
@@ -160,7 +160,7 @@ def _median_error(foam: Foam, curve: Curve) -> float:
 class ReturnFit:
     """The way back of `recovering` foam, fitted to an unloading branch.
 
-    factor, shape, left  HU, SHAPE and the set, see `laws.bond.recovering`
+    factor, shape, left  HU, SHAPE and the set, see `laws.bond.kinds.recovering`
     given_back           energy returned over energy taken in the test
     error                root mean square of fit less test, over the stress at the start
     """
