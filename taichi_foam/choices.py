@@ -43,6 +43,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "model.broken_contact": "reload",
                 "model.self_contact": True,
                 "model.crushed_room": True,
+                "model.shear_yield": False,
             }
         ),
         "paper-literal": MappingProxyType(
@@ -63,6 +64,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "model.broken_contact": "jump",
                 "model.self_contact": False,
                 "model.crushed_room": False,
+                "model.shear_yield": False,
             }
         ),
     }

@@ -59,6 +59,15 @@ def _shear_strain(d1x, d1y, d2x, d2y, p: ti.template()):
 
 
 @ti.func
+def _elastic_shear(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
+    """The part of `_shear_strain` that is elastic: the rest lasts."""
+    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+    if ti.static(lattice.features.shear_yields):
+        gamma -= lattice.state.sheared[b, i, k]
+    return gamma
+
+
+@ti.func
 def _rise(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
     """Rise in the shear modulus of hardening foam [Pa] as each of F's two columns is shortened.
 
@@ -88,7 +97,7 @@ def _tilt(along: ti.template(), b, i, k):
 @ti.func
 def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
     """Shear energy [J/m3] stored in a pack's cells in the accepted state."""
-    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+    gamma = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
     modulus = lattice.law.shear_modulus(makeup.constants(lattice, B, b, k, p))
     energy = 0.5 * modulus * gamma * gamma
     if ti.static(lattice.law.shears_stiffer):
@@ -114,6 +123,8 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
     a, left = bonds_a[b, i, k].condition, bonds_b[b, i, k].condition
     above, right = lanes.above(a, bonds_a.condition, b, i, k), bonds_b[b, i + 1, k].condition
     there = (a > ABSENT) & (left > ABSENT) & (above > ABSENT) & (right > ABSENT)
+    if ti.static(lattice.features.shear_yields):
+        _yield_in_shear(lattice, b, i, k, there, p)
     worn = there & ((a < WHOLE) | (above < WHOLE) | (left < WHOLE) | (right < WHOLE))
     crushed = worn
     if ti.static(lattice.features.crushed_room):
@@ -158,6 +169,30 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
     if ti.static(lattice.law.looks_around):
         _look_around(lattice, b, i, k)
     return now_lost
+
+
+@ti.func
+def _yield_in_shear(lattice: ti.template(), b, i, k, there, p: ti.template()):
+    """Let the shear of a pack's cells last as far as their bonds were crushed, see `shear_yield`.
+
+    Along each axis both sides count, and of the two axes the one that is crushed more. The implicit
+    step takes at most all of the elastic strain, so it only dissipates.
+    """
+    bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
+    c = makeup.constants(lattice, B, b, k, p)
+    worst_a, worst_b = bonds_a[b, i, k].worst, bonds_b[b, i, k].worst
+    above, right = lanes.above(worst_a, bonds_a.worst, b, i, k), bonds_b[b, i + 1, k].worst
+    along_x = lattice.law.crush(c, worst_a) + lattice.law.crush(c, above)
+    along_y = lattice.law.crush(c, worst_b) + lattice.law.crush(c, right)
+    before = lattice.state.crushed[b, i, k]
+    crushed = elementary.larger(0.5 * elementary.larger(along_x, along_y), before)
+    if lanes.any_of(there & (crushed > before)):
+        d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
+        elastic = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
+        more = (crushed - before) / lattice.law.shear_yield(c)
+        lasts = ti.select(there, elastic * more / (1.0 + more), 0.0)
+        lattice.state.sheared[b, i, k] = lattice.state.sheared[b, i, k] + lasts
+        lattice.state.crushed[b, i, k] = crushed
 
 
 @ti.func
@@ -283,7 +318,7 @@ def shear_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.templa
     # half of thickness times stress is force over diagonal length
     half = lattice.state.grip[b, i, k] * (0.5 * p.thickness)
     closing = (d1x * d1u + d1y * d1v) - (d2x * d2u + d2y * d2v)
-    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+    gamma = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
     elastic = half * lattice.law.shear_modulus(makeup.constants(lattice, B, b, k, p)) * gamma
     viscosity = makeup.shares(lattice, B, b, k, p).shear_viscosity
     viscous = half * closing * (viscosity * (0.5 / (p.cell.x * p.cell.y)))
@@ -315,7 +350,7 @@ def _harden_pack(
     """
     pushes, tally = ti.static(lattice.scratch.cell_push, lattice.scratch.tally)
     rise_a, slope_a, a, rise_b, slope_b, b_length = _rise(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
-    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+    gamma = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
     trial = ti.static(lattice.scratch.trial)
     tilt_x, tilt_y = _tilt(trial.x, b, i, k), _tilt(trial.y, b, i, k)
     tilt_u, tilt_v = _tilt(trial.u, b, i, k), _tilt(trial.v, b, i, k)

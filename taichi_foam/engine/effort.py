@@ -33,10 +33,12 @@ def pays(room: Size, features: Features) -> bool:
 def name_of(room: Size, features: Features, place: tuple[int, ...]) -> str:
     """A short name of what kernels are compiled for, the same in every process.
 
-    Kernels on disk only fit fields at the same `place`, see `Lattice`.
+    Kernels on disk only fit fields at the same `place`, see `Lattice`. Features that are off are
+    left out, so that a new one does not rename the kernels that lack it.
     """
     distance = features.distance
-    words = vars(features) | {"distance": f"{distance.__module__}.{distance.__qualname__}"}
+    words = {name: value for name, value in vars(features).items() if value is not False}
+    words["distance"] = f"{distance.__module__}.{distance.__qualname__}"
     return hashlib.sha256(repr((room, words, place)).encode()).hexdigest()[:16]
 
 

@@ -25,10 +25,12 @@ class Per:
 
     places   NODES, BONDS_A, BONDS_B or CELLS: one entry for each; None: a single entry
     numbers  shape of each entry
+    absent   value of all entries in files of versions that did not store it; None: all do
     """
 
     places: tuple[int, int] | None
     numbers: tuple[int, ...] = ()
+    absent: float | None = None
 
     def shape(self, columns: int, rows: int) -> tuple[int, ...]:
         """Shape of the array in a block of `columns` x `rows` mass points."""
@@ -76,6 +78,8 @@ class Cushion:
     room            (I, J) upper limit of a mass point's contact radius [m]
     surface         (I, J) whether a mass point can touch others
     hold            (I-1, J-1) share of its forces that a cell still carries, 1 to 0
+    sheared         (I-1, J-1) lasting shear strain of a cell
+    crushed         (I-1, J-1) lasting compression of its bonds up to which it has yielded in shear
     worst_a, worst_b    (I-1, J), (I, J-1) most compressive strain so far
     broken_a, broken_b  same shapes, 1 where a bond is broken, else 0
     intact_a, intact_b  same shapes, share of a bond's face that carries tension and shear
@@ -94,6 +98,8 @@ class Cushion:
     room: Annotated[Array, Per(NODES)]
     surface: Annotated[Array, Per(NODES)]
     hold: Annotated[Array, Per(CELLS)]
+    sheared: Annotated[Array, Per(CELLS, absent=0.0)]
+    crushed: Annotated[Array, Per(CELLS, absent=0.0)]
     worst_a: Annotated[Array, Per(BONDS_A)]
     worst_b: Annotated[Array, Per(BONDS_B)]
     broken_a: Annotated[Array, Per(BONDS_A)]

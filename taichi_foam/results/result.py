@@ -14,13 +14,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.records.cushion import Cushion, shapes_of
+from taichi_foam.records.cushion import Cushion, declared, shapes_of
 from taichi_foam.records.history import COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
@@ -235,8 +236,9 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     """
     if not path.is_file():
         return None
+    absent = {name: told.absent for name, told in declared(Cushion).items()}
     try:
-        return Cushion.from_arrays(_read_arrays(path, shapes_of(Cushion, scene)))
+        return Cushion.from_arrays(_read_arrays(path, shapes_of(Cushion, scene), absent=absent))
     except KeyError:
         return None
 
@@ -276,9 +278,14 @@ def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
 
 
 def _read_arrays(
-    path: Path, shapes: Mapping[str, tuple[int, ...]], series: str | None = None
+    path: Path,
+    shapes: Mapping[str, tuple[int, ...]],
+    series: str | None = None,
+    absent: Mapping[str, float | None] = MappingProxyType({}),
 ) -> dict[str, NDArray[Any]]:
     """Arrays of numbers from an .npz; their first axis is as long as the array `series`, if given.
+
+    `absent` has the values of arrays that may be missing.
 
     Raises ValueError, KeyError, zipfile.BadZipFile, zlib.error, OSError: it is damaged, or holds
     other arrays.
@@ -287,7 +294,13 @@ def _read_arrays(
         if (written := _read_array(archive, "format", ())) != _FORMAT:
             raise ValueError(f"{path.name} has format {written}, not {_FORMAT}")
         count = _read_array(archive, series).shape[:1] if series else ()
-        return {name: _read_array(archive, name, (*count, *s)) for name, s in shapes.items()}
+        there = {name.removesuffix(".npy") for name in archive.namelist()}
+        return {
+            name: _read_array(archive, name, (*count, *shape))
+            if name in there or absent.get(name) is None
+            else np.full((*count, *shape), absent[name])
+            for name, shape in shapes.items()
+        }
 
 
 def _read_array(

@@ -226,6 +226,12 @@ class Model(Part):
         "crushed foam has a packing limit (room): the foam between four neighbouring mass points "
         "resists being pressed below the area that crushing has left it, however its bonds fold",
     )
+    shear_yield: bool = choice(
+        False,
+        "foam that crushes also yields in shear, as by Deshpande and Fleck's surface: its shear "
+        "stress falls as it crushes (shear = 'cell' only); false: in shear it is elastic until its "
+        "bonds break",
+    )
     piece_size: float = quantity(
         1.04,
         "-",

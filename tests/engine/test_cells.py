@@ -1,4 +1,4 @@
-"""Cells: the room that crushed foam keeps, as forces, in the ledger, and when a cell lets go."""
+"""Cells: the room that crushed foam keeps, when a cell lets go, and how it yields in shear."""
 
 import math
 
@@ -9,7 +9,17 @@ from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import ROOM
-from taichi_foam.scene import Foam, Model, Numerics, Output, Scene, Start
+from taichi_foam.laws.bond import Curve
+from taichi_foam.scene import (
+    Foam,
+    Model,
+    Numerics,
+    Output,
+    RecoveringFoam,
+    Scene,
+    Start,
+    Wedge,
+)
 from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
@@ -236,3 +246,72 @@ def test_a_crushed_layer_keeps_its_room() -> None:
     level = np.take_along_axis(last.position[middle, :, 1], lowest[:, None], axis=1)
     assert way > 0.05
     assert 0.2 < float(np.median(last.impactor_y - level)) / way < 0.45
+
+
+GAMMA = 0.04
+YIELDING = small_scene(
+    base=FREE, model=Model(self_contact=False, shear_yield=True), numerics=numerics(dt=1e-12)
+)
+
+
+def sheared_by(crush_a: float, crush_b: float, before: float) -> np.ndarray:
+    """Lasting shear strains after a step of a block sheared by GAMMA, whose bonds were crushed."""
+    F = np.array([[1.0, GAMMA], [0.0, 1.0]])
+    yields = YIELDING.foam.yield_strain
+    start = {
+        "position": YIELDING.block.positions @ F.T + LIFT,
+        "worst_a": np.full((COLUMNS - 1, ROWS), yields - crush_a),
+        "worst_b": np.full((COLUMNS, ROWS - 1), yields - crush_b),
+        "crushed": np.full((COLUMNS - 1, ROWS - 1), before),
+    }
+    with bench(YIELDING, **start) as loaded:
+        loaded.step(1)
+        return transfer.take(loaded.lattice, 0).sheared
+
+
+@pytest.mark.parametrize("crush", [(0.0, 0.003), (0.003, 0.0), (0.001, 0.003)])
+def test_shear_relaxes_as_foam_crushes(crush: tuple[float, float]) -> None:
+    """By the flow rule: d(gamma) = 2 tau / Y d(crush), of the axis that is crushed more.
+
+    What a step takes is right to the square of its crush over Y / 2 G, which is 0.083.
+    """
+    foam, before = YIELDING.foam, 0.001
+    rate = 2.0 * foam.shear_modulus / foam.plateau_stress
+    exact = GAMMA * (1.0 - math.exp(-rate * (max(crush) - before)))
+    found = sheared_by(*crush, before)
+    np.testing.assert_allclose(found, found[0, 0], rtol=1e-9)
+    assert found[0, 0] == pytest.approx(exact, rel=rate * (max(crush) - before))
+    assert found[0, 0] < exact  # the implicit step takes less
+
+
+@pytest.mark.parametrize("crush", [(0.0, 0.0), (0.0009, 0.0)])
+def test_foam_that_crushes_no_further_keeps_its_shear(crush: tuple[float, float]) -> None:
+    np.testing.assert_array_equal(sheared_by(*crush, 0.001), 0.0)
+
+
+def test_shear_that_has_yielded_breaks_no_bond() -> None:
+    """Bonds fail by the elastic part: sheared by 0.25, more than they bear, if that lasts none."""
+    F = np.array([[1.0, 0.25], [0.0, 1.0]])
+    start = {"position": YIELDING.block.positions @ F.T + LIFT}
+    shape = (COLUMNS - 1, ROWS - 1)
+    broken = []
+    for lasts in (0.0, 0.25):
+        given = {"sheared": np.full(shape, lasts), "crushed": np.ones(shape)}
+        with bench(YIELDING, **start, **given) as loaded:
+            after = loaded.step(2)
+        broken.append(int(np.isfinite(after.break_time_a).sum()))
+    assert broken[0] > 100
+    assert broken[1] == 0
+
+
+def test_foam_that_springs_back_yields_in_no_shear() -> None:
+    curve = Curve(strain=(0, 0.05, 0.6, 0.8), stress=(0, 1e5, 1.2e5, 5e5))
+    parts = {"impactor": Wedge(angle_deg=80, shank_width=0.03, mass=0.2, velocity=6.0),
+             "foam": RecoveringFoam(curve=curve), "numerics": Numerics(end=2e-3)}  # fmt: skip
+    elastic, yielding = (
+        run(small_scene(model=Model(shear_yield=on), **parts)) for on in (False, True)
+    )
+    assert elastic.history["displacement_m"][-1] > 2 * CELL
+    np.testing.assert_array_equal(
+        yielding.history["displacement_m"], elastic.history["displacement_m"]
+    )

@@ -27,7 +27,7 @@ EVERYTHING = {
     "foam": Foam(
         rate=300.0, rate_exponent=2.0, overshoot_strain=0.02, strength_scatter=0.2, strength_seed=4
     ),
-    "model": Model(shear_failure="angle", piece_size=0.8, piece_friction=0.3),
+    "model": Model(shear_failure="angle", piece_size=0.8, piece_friction=0.3, shear_yield=True),
     "start": Start(cuts=((-0.011, 0.02, 0.004, 0.07),)),
 }
 

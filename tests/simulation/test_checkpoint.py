@@ -69,7 +69,7 @@ OPTIONS = {
     "default": {},
     "rate and scatter": {
         "foam": Foam(rate=3000.0, rate_exponent=2.0, overshoot_strain=0.02, strength_scatter=0.2),
-        "model": Model(shear_failure="angle"),
+        "model": Model(shear_failure="angle", shear_yield=True),
     },
     "no contact": {"model": Model(self_contact=False)},
 }

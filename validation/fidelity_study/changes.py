@@ -26,6 +26,7 @@ VALUES: Mapping[str, Sequence[str]] = {
     "model.broken_contact": ("reload", "jump"),
     "model.self_contact": ("true", "false"),
     "model.crushed_room": ("true", "false"),
+    "model.shear_yield": ("true", "false"),
     "model.piece_size": ("0.8", "1"),
     "model.piece_friction": ("0.3",),
     "model.damping": ("stiffness", "absolute"),

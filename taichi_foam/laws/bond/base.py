@@ -324,6 +324,22 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
+    def crush(self, c: ti.template(), worst):
+        """Lasting compression (>= 0) of a bond with this worst strain; 0: the foam springs back."""
+        return 0.0 * worst
+
+    @ti.func
+    def shear_yield(self, c: ti.template()):
+        """Lasting compression over which the shear stress of foam that crushes falls to 1/e.
+
+        Foam without a plastic Poisson's ratio yields where sigma_A^2 + sigma_B^2 + 2 tau^2 = Y^2,
+        with Y the stress of its plateau (Deshpande and Fleck 2000). Its lasting strains grow in
+        proportion to the stresses: d(gamma) = 2 (tau / Y) d(crush), so the stress of foam that is
+        not sheared further falls over Y / (2 G).
+        """
+        return 1.0
+
+    @ti.func
     def shear_rise(self, c: ti.template(), e):
         """Increase of the shear modulus [Pa] by compression to strain `e`, and its slope over e."""
         return 0.0 * e, 0.0 * e

@@ -190,6 +190,14 @@ class Crushing(BondLaw):
         return c.densification_strain
 
     @ti.func
+    def crush(self, c: ti.template(), worst):
+        return elementary.larger(c.yield_strain - worst, 0.0)
+
+    @ti.func
+    def shear_yield(self, c: ti.template()):
+        return -0.5 * c.yield_strain * c.youngs_modulus / c.shear_modulus
+
+    @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:
         return 1.0 + c.yield_strain
 

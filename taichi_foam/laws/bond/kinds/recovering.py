@@ -259,6 +259,11 @@ class Recovering(ByCurve):
     Constants = _Constants
     table_columns = TABLE_COLUMNS + 5
 
+    @ti.func
+    def crush(self, c: ti.template(), worst):
+        """None: what its shear yields would spring back, too."""
+        return 0.0 * worst
+
     @property
     def History(self) -> Any:  # noqa: N802 - the record's name
         return LeakyHistory if self.heeds_rate else History
