@@ -114,7 +114,12 @@ def compare_batch(
 
 
 def _what(name: str, choices: Choices, extent: Extent, threads: int) -> str:
-    much = {"peers": "", "room": " with room and softening"}.get(extent, f" {extent}")
+    much = {
+        "peers": "",
+        "room": " with room and softening",
+        "apart": " without contact of pieces",
+        "whole": " whole",
+    }[extent]
     return f"{name}, {choices}{much}, {threads} threads: engine"
 
 

@@ -216,6 +216,7 @@ def _checked(scene: Scene, known: Features) -> tuple[Foam, Impactor]:
         f"broken contact {model.broken_contact!r}": model.broken_contact != "reload",
         f"shear {model.shear!r}": model.shear != "cell",
         "contact of pieces": model.self_contact,
+        "yield in shear": model.shear_yield,
         "the room of crushed foam": model.crushed_room and not known.room,
         "a plateau that heeds the rate": foam.rate is not None and not known.rate,
         "a rate that grows as foam yields": (

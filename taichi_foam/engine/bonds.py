@@ -219,11 +219,11 @@ def _shear(
     across_y = (ahead * ahead_y + behind * behind_y) * weight
     gamma = kinematics.shear_strain(reach_x, reach_y, across_x, across_y) * (1.0 / p.cell[axis])
     if ti.static(lattice.features.shear_yields):
-        lasts = lattice.state.sheared[b, i, k]
-        other = lanes.below(lasts, lattice.state.sheared, b, i, k)
+        lasts = lattice.state.shear_set[b, i, k]
+        lasts_behind = lanes.below(lasts, lattice.state.shear_set, b, i, k)
         if ti.static(axis == B):
-            other = lattice.state.sheared[b, i - 1, k]
-        gamma -= (ahead * lasts + behind * other) / elementary.larger(ahead + behind, 1.0)
+            lasts_behind = lattice.state.shear_set[b, i - 1, k]
+        gamma -= (ahead * lasts + behind * lasts_behind) / elementary.larger(ahead + behind, 1.0)
     c = makeup.constants(lattice, axis, b, k, p)
     tau = lattice.law.shear_modulus(c) * gamma
     if ti.static(lattice.law.shears_stiffer):

@@ -63,7 +63,7 @@ def _elastic_shear(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.te
     """The part of `_shear_strain` that is elastic: the rest lasts."""
     gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
     if ti.static(lattice.features.shear_yields):
-        gamma -= lattice.state.sheared[b, i, k]
+        gamma -= lattice.state.shear_set[b, i, k]
     return gamma
 
 
@@ -123,8 +123,6 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
     a, left = bonds_a[b, i, k].condition, bonds_b[b, i, k].condition
     above, right = lanes.above(a, bonds_a.condition, b, i, k), bonds_b[b, i + 1, k].condition
     there = (a > ABSENT) & (left > ABSENT) & (above > ABSENT) & (right > ABSENT)
-    if ti.static(lattice.features.shear_yields):
-        _yield_in_shear(lattice, b, i, k, there, p)
     worn = there & ((a < WHOLE) | (above < WHOLE) | (left < WHOLE) | (right < WHOLE))
     crushed = worn
     if ti.static(lattice.features.crushed_room):
@@ -172,27 +170,27 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
 
 
 @ti.func
-def _yield_in_shear(lattice: ti.template(), b, i, k, there, p: ti.template()):
-    """Let the shear of a pack's cells last as far as their bonds were crushed, see `shear_yield`.
+def yield_pack(lattice: ti.template(), b, i, k, p: ti.template()):
+    """Let the shear of a pack's cells fade as their bonds were crushed (docs/model.md, Lattice).
 
-    Along each axis both sides count, and of the two axes the one that is crushed more. The implicit
-    step takes at most all of the elastic strain, so it only dissipates.
+    The crush along both axes counts, each the mean of two sides. The implicit step takes at most
+    all of the elastic strain, so it only dissipates. A cell between two layers is of the lower one.
     """
     bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
-    c = makeup.constants(lattice, B, b, k, p)
+    c_a, c_b = makeup.constants(lattice, A, b, k, p), makeup.constants(lattice, B, b, k, p)
     worst_a, worst_b = bonds_a[b, i, k].worst, bonds_b[b, i, k].worst
     above, right = lanes.above(worst_a, bonds_a.worst, b, i, k), bonds_b[b, i + 1, k].worst
-    along_x = lattice.law.crush(c, worst_a) + lattice.law.crush(c, above)
-    along_y = lattice.law.crush(c, worst_b) + lattice.law.crush(c, right)
-    before = lattice.state.crushed[b, i, k]
-    crushed = elementary.larger(0.5 * elementary.larger(along_x, along_y), before)
-    if lanes.any_of(there & (crushed > before)):
+    faded = lattice.law.shear_faded(c_a, worst_a) + lattice.law.shear_faded(c_a, above)
+    faded += lattice.law.shear_faded(c_b, worst_b) + lattice.law.shear_faded(c_b, right)
+    before = lattice.state.faded[b, i, k]
+    holds = lattice.state.grip[b, i, k] > 0.0
+    more = ti.select(holds, elementary.larger(0.5 * faded - before, 0.0), 0.0)
+    if lanes.any_of(more > 0.0):
         d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
         elastic = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
-        more = (crushed - before) / lattice.law.shear_yield(c)
-        lasts = ti.select(there, elastic * more / (1.0 + more), 0.0)
-        lattice.state.sheared[b, i, k] = lattice.state.sheared[b, i, k] + lasts
-        lattice.state.crushed[b, i, k] = crushed
+        lasts = elastic * (more / (1.0 + more))
+        lattice.state.shear_set[b, i, k] = lattice.state.shear_set[b, i, k] + lasts
+        lattice.state.faded[b, i, k] = before + more
 
 
 @ti.func
@@ -224,12 +222,14 @@ def _room_before(lattice: ti.template(), b, i, k):
 
 @ti.func
 def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.template()):
-    """`look_pack` for a column; `booked`: whether to book the energy that its cells lose.
+    """`look_pack` for a column; `booked`: at the end of a step, in which cells may also yield.
 
-    It is not booked for a state that has just been put, whose cells have lost nothing since.
+    A state that has just been put is only looked at: its cells have lost nothing since.
     """
     pressing, lost = 0, vec2(0.0)
     for k in range(lattice.counts[None].packs):
+        if ti.static(booked and lattice.features.shear_yields):
+            yield_pack(lattice, b, i, k, p)
         lost = look_pack(lattice, b, i, k, lost, p)
         if ti.static(lattice.features.crushed_room):
             pressing |= lattice.scratch.presses[b, i, k]

@@ -28,7 +28,7 @@ class Features:
     drag           a dashpot acts on each node's absolute velocity
     self_contact   pieces can touch each other
     crushed_room   cells keep the room that their bonds have left them
-    shear_yields   cells yield in shear as their bonds are crushed
+    shear_yields   cells yield in shear as their bonds are crushed (Model.shear_yield)
     shaped         mass points and faces differ from those of a plain block
     alike          columns of such a block are identical and stored once, see `Filling.is_alike`
     foams          number of foams of the bonds
@@ -73,7 +73,7 @@ def features_of(scene: Scene) -> Features:
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
         crushed_room=model.crushed_room,
-        shear_yields=model.shear_yield and not faces,
+        shear_yields=model.shear_yield and law.shear_fades,
         shaped=shaped,
         alike=shaped and filled.is_alike,
         foams=len(foams),

@@ -93,6 +93,8 @@ def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p
     n = strip
     while n < lattice.counts[None].nodes:
         i, k = lanes.column_and_row(lattice, n)
+        if ti.static(booked and lattice.features.shear_yields):
+            cells.yield_pack(lattice, b, i, k, p)
         lost = cells.look_pack(lattice, b, i, k, lost, p)
         n += width
     if ti.static(booked):

@@ -174,8 +174,8 @@ class State:
     room            (I, J) upper limit of a node's contact radius [m], NEVER if there is none
     surface         (I, J) whether the node can touch others, see `engine.contact`
     hold            (I-1, J-1) fraction of its forces that a cell still carries, see `engine.cells`
-    sheared         (I-1, J-1) lasting shear strain of a cell
-    crushed         (I-1, J-1) lasting compression of its bonds up to which it has yielded in shear
+    shear_set       (I-1, J-1) lasting shear strain of a cell
+    faded           (I-1, J-1) crush of its bonds so far, in units of `BondLaw.shear_faded`
     worst_a, worst_b            (I-1, J), (I, J-1) most compressive strain so far
     break_time_a, break_time_b  (I-1, J), (I, J-1) time of breaking [s], NaN while whole
     intact_a, intact_b          (I-1, J), (I, J-1) share of a whole bond's face that carries
@@ -199,8 +199,8 @@ class State:
     room: Annotated[Array, Kept.at(NODES, "room", start=NEVER, beyond=NEVER)]
     surface: Annotated[Array, Kept.at(NODES, "surface")]
     hold: Annotated[Array, Kept.at(CELLS, "hold", start=1.0)]
-    sheared: Annotated[Array, Kept.at(CELLS, "sheared")]
-    crushed: Annotated[Array, Kept.at(CELLS, "crushed")]
+    shear_set: Annotated[Array, Kept.at(CELLS, "shear_set")]
+    faded: Annotated[Array, Kept.at(CELLS, "faded")]
     worst_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.worst", seen=True)]
     worst_b: Annotated[Array, Kept.at(BONDS_B, "bond_b.worst", seen=True)]
     break_time_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.break_time", start=np.nan, seen=True)]
@@ -418,7 +418,7 @@ class StateFields:
     History, remembered   record of what a pack of bonds remembers; its members' fields by axis
     grip       share of a cell that carries shear, relative to a whole cell of foam
     slip       stretch of the friction springs: impactor, floor [m]
-    room, surface, hold, sheared, crushed   see State
+    room, surface, hold, shear_set, faded   see State
     body, turn, clock, work, overlap   see State
     pairs, candidate_node, candidate, place_in_list   the neighbour list on a CPU: pairs of
                candidates; the candidates' nodes; their positions, velocities and radii; the place
@@ -460,8 +460,8 @@ class StateFields:
             self.hold, self.grip = pack.field(), pack.field()
             layout.of_nodes(self.hold, self.grip)
         if features.shear_yields:
-            self.sheared, self.crushed = pack.field(), pack.field()
-            layout.of_nodes(self.sheared, self.crushed)
+            self.shear_set, self.faded = pack.field(), pack.field()
+            layout.of_nodes(self.shear_set, self.faded)
         if features.self_contact:
             self._place_contact(layout)
 

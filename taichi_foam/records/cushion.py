@@ -25,7 +25,7 @@ class Per:
 
     places   NODES, BONDS_A, BONDS_B or CELLS: one entry for each; None: a single entry
     numbers  shape of each entry
-    absent   value of all entries in files of versions that did not store it; None: all do
+    absent   value of all entries in a file without it; None: such a file holds no block
     """
 
     places: tuple[int, int] | None
@@ -78,8 +78,8 @@ class Cushion:
     room            (I, J) upper limit of a mass point's contact radius [m]
     surface         (I, J) whether a mass point can touch others
     hold            (I-1, J-1) share of its forces that a cell still carries, 1 to 0
-    sheared         (I-1, J-1) lasting shear strain of a cell
-    crushed         (I-1, J-1) lasting compression of its bonds up to which it has yielded in shear
+    shear_set       (I-1, J-1) lasting shear strain of a cell
+    faded           (I-1, J-1) crush of its bonds so far, in units of `BondLaw.shear_faded`
     worst_a, worst_b    (I-1, J), (I, J-1) most compressive strain so far
     broken_a, broken_b  same shapes, 1 where a bond is broken, else 0
     intact_a, intact_b  same shapes, share of a bond's face that carries tension and shear
@@ -98,8 +98,8 @@ class Cushion:
     room: Annotated[Array, Per(NODES)]
     surface: Annotated[Array, Per(NODES)]
     hold: Annotated[Array, Per(CELLS)]
-    sheared: Annotated[Array, Per(CELLS, absent=0.0)]
-    crushed: Annotated[Array, Per(CELLS, absent=0.0)]
+    shear_set: Annotated[Array, Per(CELLS, absent=0.0)]
+    faded: Annotated[Array, Per(CELLS, absent=0.0)]
     worst_a: Annotated[Array, Per(BONDS_A)]
     worst_b: Annotated[Array, Per(BONDS_B)]
     broken_a: Annotated[Array, Per(BONDS_A)]
@@ -115,9 +115,14 @@ class Cushion:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 of the whole state: equal cushions have equal hashes."""
-        digest = hashlib.sha256()
+        """SHA-256 of the whole state: equal cushions have equal hashes.
+
+        An array that is as if it were absent is left out, so that hashes of older files stay valid.
+        """
+        digest, absent = hashlib.sha256(), {k: told.absent for k, told in declared(Cushion).items()}
         for name, array in self.to_arrays().items():
+            if absent.get(name) is not None and np.all(array == absent[name]):
+                continue
             digest.update(name.encode())
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         return digest.hexdigest()

@@ -232,7 +232,8 @@ def _read_run(path: Path) -> dict[str, Any]:
 def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     """The block as the run has left it, or None.
 
-    Also None if another version stored less of it, so that the rest of its result still loads.
+    Also None if another version stored less of it, so that the rest of its result still loads;
+    arrays whose values are then known may be missing, see `Per.absent`.
     """
     if not path.is_file():
         return None

@@ -206,7 +206,8 @@ class Model(Part):
         "pressure-dependent",
         "shear failure of a bond in compression: tension-only: it does not fail; always: it "
         "fails as in tension; pressure-dependent: its shear strength grows with the compression; "
-        "angle: it fails at the angle by which its foam has sheared, however short the bond is",
+        "angle: it fails at the angle by which its foam has sheared (less what has yielded), "
+        "however short the bond is",
     )
     shear_pressure_coefficient: float = quantity(
         0.7,
@@ -228,9 +229,8 @@ class Model(Part):
     )
     shear_yield: bool = choice(
         False,
-        "foam that crushes also yields in shear, as by Deshpande and Fleck's surface: its shear "
-        "stress falls as it crushes (shear = 'cell' only); false: in shear it is elastic until its "
-        "bonds break",
+        "true: foam that stays crushed also yields in shear as it crushes, by Deshpande and "
+        "Fleck's flow rule (shear = 'cell' only); false: it is elastic in shear until it breaks",
     )
     piece_size: float = quantity(
         1.04,
@@ -243,6 +243,14 @@ class Model(Part):
     piece_friction: float = quantity(
         0.0, "-", "friction coefficient between pieces", at_least=0, at_most=5
     )
+
+    @model_validator(mode="after")
+    def _check_shear_yield(self) -> Model:
+        if self.shear_yield and self.shear == "face":
+            raise ValueError(
+                "model.shear_yield = true: belongs to model.shear = 'cell'; leave one of them out"
+            )
+        return self
 
 
 class Numerics(Part):

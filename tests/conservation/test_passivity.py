@@ -138,6 +138,8 @@ def test_nor_do_pads_layers_and_bodies_that_turn(name: str) -> None:
     result = run(RUNS[name])
     history = result.history
     assert history["crushing_J"][-1] > 0.1 * history["impactor_kinetic_J"][0]
+    if RUNS[name].model.shear_yield:
+        assert history["shearing_J"][-1] > 0.05 * history["impactor_kinetic_J"][0]
     mechanism, share = fell(result)
     assert share < FALL_LIMIT, mechanism
 

@@ -104,7 +104,7 @@ def stored(scene: Scene, start: Arrays, position: np.ndarray) -> dict[str, float
     third, fourth = position[1:, 1:], position[:-1, 1:]
     along_x = 0.5 * ((second - first) + (third - fourth)) / block.dx
     along_y = 0.5 * ((fourth - first) + (third - second)) / block.dy
-    gamma = (along_x * along_y).sum(axis=-1) - start.get("sheared", 0.0)
+    gamma = (along_x * along_y).sum(axis=-1) - start.get("shear_set", 0.0)
     a, b = left
     grip = np.maximum(a[:, :-1], a[:, 1:]) * np.maximum(b[:-1], b[1:]) * filled.cell
     one, other = third - first, fourth - second
@@ -158,8 +158,8 @@ def test_so_are_those_of_cells_whose_shear_has_yielded() -> None:
     )  # fmt: skip
     start = start_of(scene, "crushed", cracked=True)
     shape = start["worst_a"].shape[0], start["worst_b"].shape[1]
-    start["sheared"] = np.random.default_rng(4).uniform(-0.1, 0.1, shape)
-    start["crushed"] = np.ones(shape)  # none yields further
+    start["shear_set"] = np.random.default_rng(4).uniform(-0.1, 0.1, shape)
+    start["faded"] = np.full(shape, 100.0)  # none yields further
     check(scene, start)
 
 

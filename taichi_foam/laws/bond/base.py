@@ -239,6 +239,8 @@ class BondLaw:
     """Whether a history also changes in time: `flowed` updates it before each step."""
     looks_around: bool = False
     """Whether `flowed` depends on the bonds around (`heeds_rate` only)."""
+    shear_fades: bool = False
+    """Whether its foam yields in shear as it crushes: `shear_faded` (Model.shear_yield)."""
     shears_stiffer: bool = False
     """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
@@ -324,20 +326,9 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
-    def crush(self, c: ti.template(), worst):
-        """Lasting compression (>= 0) of a bond with this worst strain; 0: the foam springs back."""
-        return 0.0 * worst
-
-    @ti.func
-    def shear_yield(self, c: ti.template()):
-        """Lasting compression over which the shear stress of foam that crushes falls to 1/e.
-
-        Foam without a plastic Poisson's ratio yields where sigma_A^2 + sigma_B^2 + 2 tau^2 = Y^2,
-        with Y the stress of its plateau (Deshpande and Fleck 2000). Its lasting strains grow in
-        proportion to the stresses: d(gamma) = 2 (tau / Y) d(crush), so the stress of foam that is
-        not sheared further falls over Y / (2 G).
-        """
-        return 1.0
+    def shear_faded(self, c: ti.template(), worst):
+        """How many times crushing to `worst` lets shear stress fall to 1/e (`shear_fades` only)."""
+        raise NotImplementedError
 
     @ti.func
     def shear_rise(self, c: ti.template(), e):

@@ -146,6 +146,7 @@ class Crushing(BondLaw):
     shear_failure: str = "always"
 
     stiffens = True
+    shear_fades = True
 
     @ti.func
     def turn_at(self, e, history: ti.template()):
@@ -190,12 +191,10 @@ class Crushing(BondLaw):
         return c.densification_strain
 
     @ti.func
-    def crush(self, c: ti.template(), worst):
-        return elementary.larger(c.yield_strain - worst, 0.0)
-
-    @ti.func
-    def shear_yield(self, c: ti.template()):
-        return -0.5 * c.yield_strain * c.youngs_modulus / c.shear_modulus
+    def shear_faded(self, c: ti.template(), worst):
+        """The crush beyond the yield strain over Y / (2 G), see docs/model.md."""
+        crush = elementary.larger(c.yield_strain - worst, 0.0)
+        return crush * (-2.0 * c.shear_modulus / (c.youngs_modulus * c.yield_strain))
 
     @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:

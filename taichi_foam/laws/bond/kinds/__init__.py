@@ -1,4 +1,4 @@
-"""The package's bond laws: a file for each, and its name here, in the order of lists."""
+"""The package's bond laws: a file for each, and its name here, in the order of tables."""
 
 from taichi_foam.laws.bond.kinds.crushable import Foam
 from taichi_foam.laws.bond.kinds.recovering import RecoveringFoam

@@ -258,11 +258,7 @@ class Recovering(ByCurve):
 
     Constants = _Constants
     table_columns = TABLE_COLUMNS + 5
-
-    @ti.func
-    def crush(self, c: ti.template(), worst):
-        """None: what its shear yields would spring back, too."""
-        return 0.0 * worst
+    shear_fades = False  # its crush does not last
 
     @property
     def History(self) -> Any:  # noqa: N802 - the record's name

@@ -1,4 +1,4 @@
-"""The package's impactor shapes: their files, and their names here, in the order of lists."""
+"""The package's impactor shapes: their files, and their names here, in the order of tables."""
 
 from taichi_foam.laws.shape.kinds.bodies import Cylinder, Ellipse, FlatBlock, IShape, Wedge
 from taichi_foam.laws.shape.kinds.polygon import Outline, Polygon
