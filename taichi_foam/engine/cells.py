@@ -59,15 +59,6 @@ def _shear_strain(d1x, d1y, d2x, d2y, p: ti.template()):
 
 
 @ti.func
-def _elastic_shear(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
-    """The part of `_shear_strain` that is elastic: the rest lasts."""
-    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
-    if ti.static(lattice.features.shear_yields):
-        gamma -= lattice.state.shear_set[b, i, k]
-    return gamma
-
-
-@ti.func
 def _rise(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
     """Rise in the shear modulus of hardening foam [Pa] as each of F's two columns is shortened.
 
@@ -97,7 +88,9 @@ def _tilt(along: ti.template(), b, i, k):
 @ti.func
 def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
     """Shear energy [J/m3] stored in a pack's cells in the accepted state."""
-    gamma = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
+    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+    if ti.static(lattice.features.shear_yields):
+        gamma -= lattice.state.shear_set[b, i, k]  # the part that lasts
     modulus = lattice.law.shear_modulus(makeup.constants(lattice, B, b, k, p))
     energy = 0.5 * modulus * gamma * gamma
     if ti.static(lattice.law.shears_stiffer):
@@ -187,7 +180,7 @@ def yield_pack(lattice: ti.template(), b, i, k, p: ti.template()):
     more = ti.select(holds, elementary.larger(0.5 * faded - before, 0.0), 0.0)
     if lanes.any_of(more > 0.0):
         d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
-        elastic = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
+        elastic = _shear_strain(d1x, d1y, d2x, d2y, p) - lattice.state.shear_set[b, i, k]
         lasts = elastic * (more / (1.0 + more))
         lattice.state.shear_set[b, i, k] = lattice.state.shear_set[b, i, k] + lasts
         lattice.state.faded[b, i, k] = before + more
@@ -318,7 +311,9 @@ def shear_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.templa
     # half of thickness times stress is force over diagonal length
     half = lattice.state.grip[b, i, k] * (0.5 * p.thickness)
     closing = (d1x * d1u + d1y * d1v) - (d2x * d2u + d2y * d2v)
-    gamma = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
+    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+    if ti.static(lattice.features.shear_yields):
+        gamma -= lattice.state.shear_set[b, i, k]  # the part that lasts
     elastic = half * lattice.law.shear_modulus(makeup.constants(lattice, B, b, k, p)) * gamma
     viscosity = makeup.shares(lattice, B, b, k, p).shear_viscosity
     viscous = half * closing * (viscosity * (0.5 / (p.cell.x * p.cell.y)))
@@ -350,7 +345,9 @@ def _harden_pack(
     """
     pushes, tally = ti.static(lattice.scratch.cell_push, lattice.scratch.tally)
     rise_a, slope_a, a, rise_b, slope_b, b_length = _rise(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
-    gamma = _elastic_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
+    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+    if ti.static(lattice.features.shear_yields):
+        gamma -= lattice.state.shear_set[b, i, k]  # the part that lasts
     trial = ti.static(lattice.scratch.trial)
     tilt_x, tilt_y = _tilt(trial.x, b, i, k), _tilt(trial.y, b, i, k)
     tilt_u, tilt_v = _tilt(trial.u, b, i, k), _tilt(trial.v, b, i, k)
