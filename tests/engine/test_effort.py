@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -84,3 +85,10 @@ def test_names_tell_rooms_features_and_places_apart_and_nothing_else() -> None:
         effort.name_of(ROOM, features_of(load_scene("gallery/own-foam")), FIRST),
     }
     assert len(others | {name}) == 6
+
+
+def test_a_new_feature_renames_only_the_kernels_that_have_it() -> None:
+    known = effort.name_of(ROOM, FEATURES, FIRST)
+    for on, same in ((False, True), (True, False)):
+        later = SimpleNamespace(**vars(FEATURES), later=on)
+        assert (effort.name_of(ROOM, later, FIRST) == known) == same  # type: ignore[arg-type]
