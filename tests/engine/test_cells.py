@@ -8,7 +8,7 @@ from bench import ALL_A, ALL_B, COLUMNS, FREE, LIFT, ROWS, bench, node_forces, n
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine import transfer
-from taichi_foam.engine.state import ROOM
+from taichi_foam.engine.state import ROOM, state_after
 from taichi_foam.laws.bond import Curve
 from taichi_foam.scene import (
     Across,
@@ -274,7 +274,11 @@ def shear_set(scene: Scene, crush_a: float, crush_b: float, before: float) -> np
     }
     with bench(scene, **start) as loaded:
         loaded.step(1)
-        return transfer.take(loaded.lattice, 0).shear_set
+        state = transfer.take(loaded.lattice, 0)
+    next_impact = state_after(scene, state.cushion())
+    np.testing.assert_array_equal(next_impact.shear_set, state.shear_set)
+    np.testing.assert_array_equal(next_impact.faded, state.faded)
+    return state.shear_set
 
 
 @pytest.mark.parametrize("crush", [(0.0, 0.003), (0.003, 0.0), (0.001, 0.003)])

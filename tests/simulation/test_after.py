@@ -29,7 +29,7 @@ BREAKING = small_scene(
         angle_deg=60, shank_width=0.02, mass=0.1, velocity=15.0, friction=0.22, gap=0.001
     ),
     base=Base(kind="floor"),
-    model=Model(shear_failure="always", shear_yield=True),
+    model=Model(shear_failure="always"),
     numerics=Numerics(end=1.45e-3),
     output=SAVED,
 )
@@ -72,8 +72,6 @@ def test_all_of_the_block_comes_to_the_device_and_back(broken: Result) -> None:
     block, cushion = BREAKING.block, broken.cushion
     assert np.ptp(cushion.floor_stretch) > 0
     assert cushion.hold.min() < 1
-    assert np.ptp(cushion.shear_set) > 0
-    assert cushion.faded.max() > 0
     assert cushion.surface.max() > 0
     assert cushion.room.min() < 1
     assert cushion.intact_b.min() < 1
