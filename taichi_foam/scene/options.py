@@ -244,14 +244,6 @@ class Model(Part):
         0.0, "-", "friction coefficient between pieces", at_least=0, at_most=5
     )
 
-    @model_validator(mode="after")
-    def _check_shear_yield(self) -> Model:
-        if self.shear_yield and self.shear == "face":
-            raise ValueError(
-                "model.shear_yield = true: belongs to model.shear = 'cell'; leave one of them out"
-            )
-        return self
-
 
 class Numerics(Part):
     """Step size, damping, contact stiffness and end of the run."""
