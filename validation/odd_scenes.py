@@ -184,7 +184,6 @@ def _options(rng: np.random.Generator) -> dict[str, Any]:
         "exponent": one(1.0, 1.0, 4.0),
         "b": one(1.0, 1.0, 2.0),
         "scatters": one(True, False),
-        "model.shear_yield": one(True, False),
     }
 
 
