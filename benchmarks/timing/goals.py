@@ -10,13 +10,14 @@ BUSY = 0.9  # of the gain by threads that an idle machine has in pure arithmetic
 
 COMPILING = 28.0  # a third of what it was before kernels were made for the room of a lattice
 
-BOUNDED = ("room and softening", "contact of pieces")  # these have goals
+NO_GOAL: dict[str, float] = {}
 PARTS = {
-    "room and softening": ("peers", "room"),
-    "overshoot, mass points on faces": ("room", "apart"),
-    "contact of pieces": ("apart", "whole"),
+    "room and softening": ("peers", "room", {"at_most": 15.0}, {"at_most": 20.0}),
+    "overshoot, mass points on faces": ("room", "apart", NO_GOAL, NO_GOAL),
+    "contact of pieces": ("apart", "whole", {"at_most": 15.0}, {"at_most": 20.0}),
 }
-"""Parts of the model whose cost is measured, by the extents without and with each."""
+"""Parts of the model whose cost is measured, by the extents without and with each, and the goals of
+their costs: of all tests, and of the worst."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def _add_costs(record: Record, add) -> None:
     add("energy ledger, fused run", " %", _percent(ledger), at_most=10.0)
     for what, costs in costs_of_tests(record).items():
         each = list(costs.values())
-        usual, worst = ({"at_most": 15.0}, {"at_most": 20.0}) if what in BOUNDED else ({}, {})
+        *_, usual, worst = PARTS[what]
         add(f"{what}, the paper's tests", " %", Spread.of(each), **usual)
         add(f"{what}, the worst test", " %", _exact(max(each)), **worst)
     found = record.found
@@ -121,7 +122,7 @@ def costs_of_tests(record: Record) -> dict[str, dict[str, float]]:
     """
     costs: dict[str, dict[str, float]] = {}
     for case, rounds in record.found.get("tests", {}).items():
-        for what, (without, with_it) in PARTS.items():
+        for what, (without, with_it, *_) in PARTS.items():
             ratios = [_pace(runs[with_it]) / _pace(runs[without]) for runs in rounds]
             costs.setdefault(what, {})[case] = 100 * (Spread.of(ratios).median - 1)
     return costs
