@@ -61,8 +61,11 @@ def _bond(
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
     condition = bonds[b, i, k].condition
     there, whole = condition > ABSENT, condition > BROKEN
+    met = e
+    if ti.static(lattice.features.shear_yields and not lattice.law.heeds_rate):
+        met = _yields_as_at(lattice, axis, b, i, k, e, p)
     history = lattice.law.met(
-        makeup.constants(lattice, axis, b, k, p), e, _remembered(lattice, axis, b, i, k)
+        makeup.constants(lattice, axis, b, k, p), met, _remembered(lattice, axis, b, i, k)
     )
     numerator, divisor = lattice.law.stress_fraction(
         makeup.constants(lattice, axis, b, k, p), e, history, condition <= BROKEN
@@ -101,6 +104,32 @@ def _bond(
         sheared = (across_x * along_u + across_y * along_v) * shear
         tally[b, strip].sheared = tally[b, strip].sheared + sheared
     return packed, force_x, force_y
+
+
+@ti.func
+def _yields_as_at(lattice: ti.template(), axis: ti.template(), b, i, k, e, p: ti.template()):
+    """The strain at which a pack's bonds would yield as they do at `e` if their foam had no shear.
+
+    A bond is between two cells, whose shear stresses tau count alike: of the plateau's stress Y
+    they leave it sqrt(1 - 2 tau^2 / Y^2) (docs/model.md, Yield in shear). Broken ones have none.
+    """
+    sheared = ti.static(lattice.scratch.sheared)
+    here = sheared[b, i, k]
+    beside = here
+    if ti.static(axis == A):
+        beside = lanes.below(here, sheared, b, i, k)
+    else:
+        beside = sheared[b, i - 1, k]
+    squares = ti.cast(here * here + beside * beside, ti.f64)
+    whole = lattice.state.bonds[axis][b, i, k].condition > BROKEN
+    yields = e
+    # roots are expensive, and little foam is sheared
+    if lanes.any_of(whole & (squares > 0.0)):
+        c = makeup.constants(lattice, axis, b, k, p)
+        stress = lattice.law.plateau_stress(c)
+        left = elementary.larger(1.0 - squares / (stress * stress), 0.0)
+        yields = ti.select(whole, lattice.law.yields_as_at(c, e, ti.sqrt(left)), e)
+    return yields
 
 
 @ti.func
@@ -219,10 +248,11 @@ def _shear(
     across_y = (ahead * ahead_y + behind * behind_y) * weight
     gamma = kinematics.shear_strain(reach_x, reach_y, across_x, across_y) * (1.0 / p.cell[axis])
     if ti.static(lattice.features.shear_yields):
-        lasts = lattice.state.shear_set[b, i, k]
-        lasts_behind = lanes.below(lasts, lattice.state.shear_set, b, i, k)
+        shear_set = ti.static(lattice.state.shear_set)
+        lasts = shear_set[b, i, k]
+        lasts_behind = lanes.below(lasts, shear_set, b, i, k)
         if ti.static(axis == B):
-            lasts_behind = lattice.state.shear_set[b, i - 1, k]
+            lasts_behind = shear_set[b, i - 1, k]
         gamma -= (ahead * lasts + behind * lasts_behind) / elementary.larger(ahead + behind, 1.0)
     c = makeup.constants(lattice, axis, b, k, p)
     tau = lattice.law.shear_modulus(c) * gamma
@@ -394,6 +424,8 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     history = _remembered(lattice, axis, b, i, k)
     there = bonds[b, i, k].condition > ABSENT
     c = makeup.constants(lattice, axis, b, k, p)
+    if ti.static(lattice.features.shear_yields):
+        e = _yields_as_at(lattice, axis, b, i, k, e, p)
     # powers are expensive, and few bonds flow
     if lanes.any_of(there & lattice.law.flows(c, e, history)):
         # if only half the strain rate counts, foam flows as in twice the time

@@ -163,27 +163,74 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
 
 
 @ti.func
-def yield_pack(lattice: ti.template(), b, i, k, p: ti.template()):
-    """Let the shear of a pack's cells fade as their bonds were crushed (docs/model.md, Lattice).
+def _squares_of_columns(d1x, d1y, d2x, d2y, p: ti.template()):
+    """Squares of the lengths of F's two columns in a pack's cells, from their diagonals."""
+    ax, ay, bx, by = d1x - d2x, d1y - d2y, d1x + d2x, d1y + d2y
+    per_x, per_y = 0.25 / (p.cell.x * p.cell.x), 0.25 / (p.cell.y * p.cell.y)
+    return (ax * ax + ay * ay) * per_x, (bx * bx + by * by) * per_y
 
-    The crush along both axes counts, each the mean of two sides. The implicit step takes at most
-    all of the elastic strain, so it only dissipates. A cell between two layers is of the lower one.
+
+@ti.func
+def yield_pack(lattice: ti.template(), b, i, k, booked: ti.template(), p: ti.template()):
+    """Let a pack's cells yield in shear as their bonds were crushed in this step.
+
+    docs/model.md, Yield in shear, has the flow rule. The crush along an axis is the mean of two
+    sides. The implicit step takes at most all of the elastic strain, so it only dissipates. A cell
+    between two layers is of the lower one.
     """
     bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     c_a, c_b = makeup.constants(lattice, A, b, k, p), makeup.constants(lattice, B, b, k, p)
     worst_a, worst_b = bonds_a[b, i, k].worst, bonds_b[b, i, k].worst
     above, right = lanes.above(worst_a, bonds_a.worst, b, i, k), bonds_b[b, i + 1, k].worst
-    faded = lattice.law.shear_faded(c_a, worst_a) + lattice.law.shear_faded(c_a, above)
-    faded += lattice.law.shear_faded(c_b, worst_b) + lattice.law.shear_faded(c_b, right)
-    before = lattice.state.faded[b, i, k]
+    crush_a = lattice.law.lasting_crush(c_a, worst_a) + lattice.law.lasting_crush(c_a, above)
+    crush_b = lattice.law.lasting_crush(c_b, worst_b) + lattice.law.lasting_crush(c_b, right)
+    now_a, now_b = ti.cast(0.5 * crush_a, ti.f32), ti.cast(0.5 * crush_b, ti.f32)
+    if ti.static(booked):
+        grown_a = ti.cast(now_a - lattice.scratch.crush[A][b, i, k], ti.f64)
+        grown_b = ti.cast(now_b - lattice.scratch.crush[B][b, i, k], ti.f64)
+        if lanes.any_of((grown_a > 0.0) | (grown_b > 0.0)):
+            motion = ti.static(lattice.state.motion)
+            d1x, d1y, d2x, d2y = _diagonals_of(motion.x, motion.y, b, i, k)
+            gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+            a2, b2 = _squares_of_columns(d1x, d1y, d2x, d2y, p)
+            lasts = ti.cast(lattice.state.shear_set[b, i, k], ti.f64)
+            modulus = lattice.law.shear_modulus(c_b)
+            times = (2.0 * modulus) * (
+                b2 * grown_a / lattice.law.plateau_stress(c_a)
+                + a2 * grown_b / lattice.law.plateau_stress(c_b)
+            )
+            tilts = 2.0 * (grown_a / ti.sqrt(a2) + grown_b / ti.sqrt(b2))
+            elastic = gamma - lasts
+            more = (times * elastic - tilts * gamma) / (1.0 + times)
+            least, most = elementary.smaller(elastic, 0.0), elementary.larger(elastic, 0.0)
+            more = elementary.smaller(elementary.larger(more, least), most)
+            holds = lattice.state.grip[b, i, k] > 0.0
+            lattice.state.shear_set[b, i, k] = ti.cast(
+                lasts + ti.select(holds, more, 0.0), ti.f32
+            )
+    lattice.scratch.crush[A][b, i, k] = now_a
+    lattice.scratch.crush[B][b, i, k] = now_b
+
+
+@ti.func
+def note_shear(lattice: ti.template(), b, i, k, p: ti.template()):
+    """Note the shear stress by which the bonds of a pack's cells yield sooner.
+
+    It is what the stress exceeds that of foam which is crushed along its more crushed column, and
+    which shears no further then.
+    """
+    motion = ti.static(lattice.state.motion)
+    d1x, d1y, d2x, d2y = _diagonals_of(motion.x, motion.y, b, i, k)
+    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
+    a2, b2 = _squares_of_columns(d1x, d1y, d2x, d2y, p)
+    c_a, c_b = makeup.constants(lattice, A, b, k, p), makeup.constants(lattice, B, b, k, p)
+    stress_a, stress_b = lattice.law.plateau_stress(c_a), lattice.law.plateau_stress(c_b)
+    along = ti.select(a2 < b2, stress_a, stress_b) / ti.sqrt(elementary.smaller(a2, b2))
+    tau = lattice.law.shear_modulus(c_b) * (gamma - lattice.state.shear_set[b, i, k])
+    size, sign = ti.abs(tau), ti.select(tau < 0.0, -1.0, 1.0)
+    beyond = elementary.larger(size - sign * along * gamma, 0.0)
     holds = lattice.state.grip[b, i, k] > 0.0
-    more = ti.select(holds, elementary.larger(0.5 * faded - before, 0.0), 0.0)
-    if lanes.any_of(more > 0.0):
-        d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
-        elastic = _shear_strain(d1x, d1y, d2x, d2y, p) - lattice.state.shear_set[b, i, k]
-        lasts = elastic * (more / (1.0 + more))
-        lattice.state.shear_set[b, i, k] = lattice.state.shear_set[b, i, k] + lasts
-        lattice.state.faded[b, i, k] = before + more
+    lattice.scratch.sheared[b, i, k] = ti.cast(ti.select(holds, beyond, 0.0), ti.f32)
 
 
 @ti.func
@@ -214,6 +261,19 @@ def _room_before(lattice: ti.template(), b, i, k):
 
 
 @ti.func
+def look_at_pack(
+    lattice: ti.template(), b, i, k, lost: vec2, booked: ti.template(), p: ti.template()
+):  # fmt: skip
+    """`look_pack`, and the yielding of a pack's cells; `booked` as for `look_column`."""
+    if ti.static(lattice.features.shear_yields):
+        yield_pack(lattice, b, i, k, booked, p)
+    now_lost = look_pack(lattice, b, i, k, lost, p)
+    if ti.static(lattice.features.shear_yields):
+        note_shear(lattice, b, i, k, p)
+    return now_lost
+
+
+@ti.func
 def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.template()):
     """`look_pack` for a column; `booked`: at the end of a step, in which cells may also yield.
 
@@ -221,9 +281,7 @@ def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.templ
     """
     pressing, lost = 0, vec2(0.0)
     for k in range(lattice.counts[None].packs):
-        if ti.static(booked and lattice.features.shear_yields):
-            yield_pack(lattice, b, i, k, p)
-        lost = look_pack(lattice, b, i, k, lost, p)
+        lost = look_at_pack(lattice, b, i, k, lost, booked, p)
         if ti.static(lattice.features.crushed_room):
             pressing |= lattice.scratch.presses[b, i, k]
     if ti.static(lattice.features.crushed_room):

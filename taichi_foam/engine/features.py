@@ -73,7 +73,7 @@ def features_of(scene: Scene) -> Features:
         drag=model.damping == "absolute",
         self_contact=model.self_contact,
         crushed_room=model.crushed_room,
-        shear_yields=model.shear_yield and law.shear_fades and not faces,
+        shear_yields=model.shear_yield and law.yields_in_shear and not faces,
         shaped=shaped,
         alike=shaped and filled.is_alike,
         foams=len(foams),

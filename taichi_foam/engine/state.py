@@ -175,7 +175,6 @@ class State:
     surface         (I, J) whether the node can touch others, see `engine.contact`
     hold            (I-1, J-1) fraction of its forces that a cell still carries, see `engine.cells`
     shear_set       (I-1, J-1) lasting shear strain of a cell
-    faded           (I-1, J-1) crush of its bonds so far, in units of `BondLaw.shear_faded`
     worst_a, worst_b            (I-1, J), (I, J-1) most compressive strain so far
     break_time_a, break_time_b  (I-1, J), (I, J-1) time of breaking [s], NaN while whole
     intact_a, intact_b          (I-1, J), (I, J-1) share of a whole bond's face that carries
@@ -200,7 +199,6 @@ class State:
     surface: Annotated[Array, Kept.at(NODES, "surface")]
     hold: Annotated[Array, Kept.at(CELLS, "hold", start=1.0)]
     shear_set: Annotated[Array, Kept.at(CELLS, "shear_set")]
-    faded: Annotated[Array, Kept.at(CELLS, "faded")]
     worst_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.worst", seen=True)]
     worst_b: Annotated[Array, Kept.at(BONDS_B, "bond_b.worst", seen=True)]
     break_time_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.break_time", start=np.nan, seen=True)]
@@ -418,7 +416,7 @@ class StateFields:
     History, remembered   record of what a pack of bonds remembers; its members' fields by axis
     grip       share of a cell that carries shear, relative to a whole cell of foam
     slip       stretch of the friction springs: impactor, floor [m]
-    room, surface, hold, shear_set, faded   see State
+    room, surface, hold, shear_set   see State
     body, turn, clock, work, overlap   see State
     pairs, candidate_node, candidate, place_in_list   the neighbour list on a CPU: pairs of
                candidates; the candidates' nodes; their positions, velocities and radii; the place
@@ -460,8 +458,8 @@ class StateFields:
             self.hold, self.grip = pack.field(), pack.field()
             layout.of_nodes(self.hold, self.grip)
         if features.shear_yields:
-            self.shear_set, self.faded = pack.field(), pack.field()
-            layout.of_nodes(self.shear_set, self.faded)
+            self.shear_set = small_pack.field()
+            layout.of_nodes(self.shear_set)
         if features.self_contact:
             self._place_contact(layout)
 

@@ -79,7 +79,6 @@ class Cushion:
     surface         (I, J) whether a mass point can touch others
     hold            (I-1, J-1) share of its forces that a cell still carries, 1 to 0
     shear_set       (I-1, J-1) lasting shear strain of a cell
-    faded           (I-1, J-1) crush of its bonds so far, in units of `BondLaw.shear_faded`
     worst_a, worst_b    (I-1, J), (I, J-1) most compressive strain so far
     broken_a, broken_b  same shapes, 1 where a bond is broken, else 0
     intact_a, intact_b  same shapes, share of a bond's face that carries tension and shear
@@ -99,7 +98,6 @@ class Cushion:
     surface: Annotated[Array, Per(NODES)]
     hold: Annotated[Array, Per(CELLS)]
     shear_set: Annotated[Array, Per(CELLS, absent=0.0)]
-    faded: Annotated[Array, Per(CELLS, absent=0.0)]
     worst_a: Annotated[Array, Per(BONDS_A)]
     worst_b: Annotated[Array, Per(BONDS_B)]
     broken_a: Annotated[Array, Per(BONDS_A)]

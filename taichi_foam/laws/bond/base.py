@@ -239,8 +239,9 @@ class BondLaw:
     """Whether a history also changes in time: `flowed` updates it before each step."""
     looks_around: bool = False
     """Whether `flowed` depends on the bonds around (`heeds_rate` only)."""
-    shear_fades: bool = False
-    """Whether its foam yields in shear as it crushes: `shear_faded` (Model.shear_yield)."""
+    yields_in_shear: bool = False
+    """Whether shear and crush have one yield surface (Model.shear_yield): it has the functions
+    `lasting_crush`, `plateau_stress` and `yields_as_at`."""
     shears_stiffer: bool = False
     """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
@@ -326,8 +327,21 @@ class BondLaw:
         raise NotImplementedError
 
     @ti.func
-    def shear_faded(self, c: ti.template(), worst):
-        """How many times crushing to `worst` lets shear stress fall to 1/e (`shear_fades` only)."""
+    def lasting_crush(self, c: ti.template(), worst):
+        """Crush that lasts of a bond whose most compressive strain was `worst`."""
+        raise NotImplementedError
+
+    @ti.func
+    def plateau_stress(self, c: ti.template()):
+        """Stress of the plateau [Pa], above 0."""
+        raise NotImplementedError
+
+    @ti.func
+    def yields_as_at(self, c: ti.template(), e, share):
+        """The strain at which a bond without shear would yield as one at `e` does with shear.
+
+        Shear leaves `share` of the plateau's stress to the bond.
+        """
         raise NotImplementedError
 
     @ti.func

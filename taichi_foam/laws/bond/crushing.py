@@ -146,7 +146,7 @@ class Crushing(BondLaw):
     shear_failure: str = "always"
 
     stiffens = True
-    shear_fades = True
+    yields_in_shear = True
 
     @ti.func
     def turn_at(self, e, history: ti.template()):
@@ -191,10 +191,19 @@ class Crushing(BondLaw):
         return c.densification_strain
 
     @ti.func
-    def shear_faded(self, c: ti.template(), worst):
-        """The crush beyond the yield strain over Y / (2 G), see docs/model.md."""
-        crush = elementary.larger(c.yield_strain - worst, 0.0)
-        return crush * (-2.0 * c.shear_modulus / (c.youngs_modulus * c.yield_strain))
+    def lasting_crush(self, c: ti.template(), worst):
+        return elementary.larger(c.yield_strain - worst, 0.0)
+
+    @ti.func
+    def plateau_stress(self, c: ti.template()):
+        return -c.youngs_modulus * c.yield_strain
+
+    @ti.func
+    def yields_as_at(self, c: ti.template(), e, share):
+        """By as much of the yield strain as the plateau falls, up to where foam is packed."""
+        sooner = e + (1.0 - share) * c.yield_strain
+        sooner = elementary.larger(sooner, elementary.smaller(e, c.densification_strain))
+        return ti.select(sooner < c.yield_strain, sooner, e)
 
     @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:

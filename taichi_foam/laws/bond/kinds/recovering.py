@@ -258,7 +258,7 @@ class Recovering(ByCurve):
 
     Constants = _Constants
     table_columns = TABLE_COLUMNS + 5
-    shear_fades = False  # its crush does not last
+    yields_in_shear = False  # its crush does not last
 
     @property
     def History(self) -> Any:  # noqa: N802 - the record's name
