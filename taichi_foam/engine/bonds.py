@@ -61,12 +61,12 @@ def _bond(
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
     condition = bonds[b, i, k].condition
     there, whole = condition > ABSENT, condition > BROKEN
-    met = e
-    if ti.static(lattice.features.shear_yields and not lattice.law.heeds_rate):
-        met = _yields_as_at(lattice, axis, b, i, k, e, p)
     history = lattice.law.met(
-        makeup.constants(lattice, axis, b, k, p), met, _remembered(lattice, axis, b, i, k)
+        makeup.constants(lattice, axis, b, k, p), e, _remembered(lattice, axis, b, i, k)
     )
+    if ti.static(lattice.features.shear_yields and not lattice.law.heeds_rate):
+        yields = _yields_as_at(lattice, axis, b, i, k, e, p)
+        history = lattice.law.met(makeup.constants(lattice, axis, b, k, p), yields, history)
     numerator, divisor = lattice.law.stress_fraction(
         makeup.constants(lattice, axis, b, k, p), e, history, condition <= BROKEN
     )
@@ -115,19 +115,17 @@ def _yields_as_at(lattice: ti.template(), axis: ti.template(), b, i, k, e, p: ti
     """
     sheared = ti.static(lattice.scratch.sheared)
     here = sheared[b, i, k]
-    beside = here
-    if ti.static(axis == A):
-        beside = lanes.below(here, sheared, b, i, k)
-    else:
+    beside = lanes.below(here, sheared, b, i, k)
+    if ti.static(axis == B):
         beside = sheared[b, i - 1, k]
+    c = makeup.constants(lattice, axis, b, k, p)
+    stress = lattice.law.plateau_stress(c)
     squares = ti.cast(here * here + beside * beside, ti.f64)
+    left = elementary.larger(1.0 - squares * (1.0 / (stress * stress)), 0.0)
     whole = lattice.state.bonds[axis][b, i, k].condition > BROKEN
     yields = e
-    # roots are expensive, and little foam is sheared
-    if lanes.any_of(whole & (squares > 0.0)):
-        c = makeup.constants(lattice, axis, b, k, p)
-        stress = lattice.law.plateau_stress(c)
-        left = elementary.larger(1.0 - squares / (stress * stress), 0.0)
+    # roots are expensive; one of a share is more than the share, with which little foam yields
+    if lanes.any_of(whole & (lattice.law.yields_as_at(c, e, left) < e)):
         yields = ti.select(whole, lattice.law.yields_as_at(c, e, ti.sqrt(left)), e)
     return yields
 

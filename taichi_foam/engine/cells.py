@@ -205,9 +205,7 @@ def yield_pack(lattice: ti.template(), b, i, k, booked: ti.template(), p: ti.tem
             least, most = elementary.smaller(elastic, 0.0), elementary.larger(elastic, 0.0)
             more = elementary.smaller(elementary.larger(more, least), most)
             holds = lattice.state.grip[b, i, k] > 0.0
-            lattice.state.shear_set[b, i, k] = ti.cast(
-                lasts + ti.select(holds, more, 0.0), ti.f32
-            )
+            lattice.state.shear_set[b, i, k] = ti.cast(lasts + ti.select(holds, more, 0.0), ti.f32)
     lattice.scratch.crush[A][b, i, k] = now_a
     lattice.scratch.crush[B][b, i, k] = now_b
 
@@ -261,19 +259,6 @@ def _room_before(lattice: ti.template(), b, i, k):
 
 
 @ti.func
-def look_at_pack(
-    lattice: ti.template(), b, i, k, lost: vec2, booked: ti.template(), p: ti.template()
-):  # fmt: skip
-    """`look_pack`, and the yielding of a pack's cells; `booked` as for `look_column`."""
-    if ti.static(lattice.features.shear_yields):
-        yield_pack(lattice, b, i, k, booked, p)
-    now_lost = look_pack(lattice, b, i, k, lost, p)
-    if ti.static(lattice.features.shear_yields):
-        note_shear(lattice, b, i, k, p)
-    return now_lost
-
-
-@ti.func
 def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.template()):
     """`look_pack` for a column; `booked`: at the end of a step, in which cells may also yield.
 
@@ -281,7 +266,11 @@ def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.templ
     """
     pressing, lost = 0, vec2(0.0)
     for k in range(lattice.counts[None].packs):
-        lost = look_at_pack(lattice, b, i, k, lost, booked, p)
+        if ti.static(lattice.features.shear_yields):
+            yield_pack(lattice, b, i, k, booked, p)
+        lost = look_pack(lattice, b, i, k, lost, p)
+        if ti.static(lattice.features.shear_yields):
+            note_shear(lattice, b, i, k, p)
         if ti.static(lattice.features.crushed_room):
             pressing |= lattice.scratch.presses[b, i, k]
     if ti.static(lattice.features.crushed_room):

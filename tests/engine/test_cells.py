@@ -307,7 +307,7 @@ def test_shear_yields_as_foam_crushes(scene: Scene, grown: tuple[float, float]) 
 
 @pytest.mark.parametrize("lean", [0.01, -0.02])
 def test_a_column_that_is_crushed_along_itself_leans_no_further(lean: float) -> None:
-    """The shear stress that balances its compression, which leans with it, lasts: tau = Y gamma / b.
+    """The shear stress that balances its compression, which leans with it, lasts: Y gamma / b.
 
     With less of it nothing yields, and none yields that would gain elastic strain.
     """
