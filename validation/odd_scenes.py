@@ -62,6 +62,8 @@ def scenes(count: int, seed: int) -> Iterator[Scene]:
     for first in range(0, count, GROUP):
         rng = np.random.default_rng([seed, first])
         options = _options(rng)
+        # drawn apart: the scenes are those of before it was an option
+        options["model.shear_yield"] = bool(np.random.default_rng([seed, first, 1]).integers(2))
         found = 0
         while found < min(GROUP, count - first):
             try:

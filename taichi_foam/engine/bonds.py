@@ -64,9 +64,6 @@ def _bond(
     history = lattice.law.met(
         makeup.constants(lattice, axis, b, k, p), e, _remembered(lattice, axis, b, i, k)
     )
-    if ti.static(lattice.features.shear_yields and not lattice.law.heeds_rate):
-        yields = _yields_as_at(lattice, axis, b, i, k, e, p)
-        history = lattice.law.met(makeup.constants(lattice, axis, b, k, p), yields, history)
     numerator, divisor = lattice.law.stress_fraction(
         makeup.constants(lattice, axis, b, k, p), e, history, condition <= BROKEN
     )
@@ -110,10 +107,11 @@ def _bond(
 def _yields_as_at(lattice: ti.template(), axis: ti.template(), b, i, k, e, p: ti.template()):
     """The strain at which a pack's bonds would yield as they do at `e` if their foam had no shear.
 
-    A bond is between two cells, whose shear stresses tau count alike: of the plateau's stress Y
-    they leave it sqrt(1 - 2 tau^2 / Y^2) (docs/model.md, Yield in shear). Broken ones have none.
+    A bond is between two cells, whose shear stresses beyond balance, tau, count alike: of the
+    plateau's stress Y they leave it sqrt(1 - 2 tau^2 / Y^2) (docs/model.md, Yield in shear). A side
+    without a cell that holds has no shear, and broken bonds feel none.
     """
-    sheared = ti.static(lattice.scratch.sheared)
+    sheared = ti.static(lattice.scratch.excess_shear)
     here = sheared[b, i, k]
     beside = lanes.below(here, sheared, b, i, k)
     if ti.static(axis == B):
@@ -124,7 +122,7 @@ def _yields_as_at(lattice: ti.template(), axis: ti.template(), b, i, k, e, p: ti
     left = elementary.larger(1.0 - squares * (1.0 / (stress * stress)), 0.0)
     whole = lattice.state.bonds[axis][b, i, k].condition > BROKEN
     yields = e
-    # roots are expensive; one of a share is more than the share, with which little foam yields
+    # a root is at least its share: if no bond yields with `left`, no root is needed
     if lanes.any_of(whole & (lattice.law.yields_as_at(c, e, left) < e)):
         yields = ti.select(whole, lattice.law.yields_as_at(c, e, ti.sqrt(left)), e)
     return yields
@@ -394,10 +392,11 @@ def _column_may_stiffen(lattice: ti.template(), b, strip, p: ti.template()):
 
 @ti.func
 def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
-    """Let what a pack of bonds remembers change in time; called before a step.
+    """Let what a pack of bonds remembers change in time, or by their shear; called before a step.
 
-    Within a step it does not. A change for the duration of a step at the present strain takes it
-    from the middle of the last step to the middle of the next: the error is of second order.
+    Within a step it does not: all stages see the shear at its start. A change for the duration of a
+    step at the present strain takes it from the middle of the last step to the middle of the next:
+    the error is of second order.
     """
     motion = ti.static(lattice.state.motion)
     x, y = motion[b, i, k].x, motion[b, i, k].y
@@ -424,16 +423,19 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     c = makeup.constants(lattice, axis, b, k, p)
     if ti.static(lattice.features.shear_yields):
         e = _yields_as_at(lattice, axis, b, i, k, e, p)
-    # powers are expensive, and few bonds flow
-    if lanes.any_of(there & lattice.law.flows(c, e, history)):
-        # if only half the strain rate counts, foam flows as in twice the time
-        slowed = makeup.shares(lattice, axis, b, k, p).flow_share
-        around = lanes.zeros(lattice)
-        if ti.static(lattice.law.looks_around):
-            around = ti.cast(lattice.scratch.around[axis][b, i, k], ti.f64)
-        step = lattice.state.clock[b].step
-        flowed = lattice.law.flowed(c, e, history, step, slowed, around)
-        _remember(lattice, axis, b, i, k, there, flowed)
+    if ti.static(lattice.law.heeds_rate):
+        # powers are expensive, and few bonds flow
+        if lanes.any_of(there & lattice.law.flows(c, e, history)):
+            # if only half the strain rate counts, foam flows as in twice the time
+            slowed = makeup.shares(lattice, axis, b, k, p).flow_share
+            around = lanes.zeros(lattice)
+            if ti.static(lattice.law.looks_around):
+                around = ti.cast(lattice.scratch.around[axis][b, i, k], ti.f64)
+            step = lattice.state.clock[b].step
+            flowed = lattice.law.flowed(c, e, history, step, slowed, around)
+            _remember(lattice, axis, b, i, k, there, flowed)
+    else:
+        _remember(lattice, axis, b, i, k, there, lattice.law.met(c, e, history))
 
 
 @ti.func

@@ -175,8 +175,8 @@ def yield_pack(lattice: ti.template(), b, i, k, booked: ti.template(), p: ti.tem
     """Let a pack's cells yield in shear as their bonds were crushed in this step.
 
     docs/model.md, Yield in shear, has the flow rule. The crush along an axis is the mean of two
-    sides. The implicit step takes at most all of the elastic strain, so it only dissipates. A cell
-    between two layers is of the lower one.
+    sides. The implicit step takes between nothing and all of the elastic strain, so it only
+    dissipates. A cell between two layers is of the lower one.
     """
     bonds_a, bonds_b = ti.static(lattice.state.bond_a, lattice.state.bond_b)
     c_a, c_b = makeup.constants(lattice, A, b, k, p), makeup.constants(lattice, B, b, k, p)
@@ -212,10 +212,9 @@ def yield_pack(lattice: ti.template(), b, i, k, booked: ti.template(), p: ti.tem
 
 @ti.func
 def note_shear(lattice: ti.template(), b, i, k, p: ti.template()):
-    """Note the shear stress by which the bonds of a pack's cells yield sooner.
+    """Note the shear stress beyond balance, by which the bonds of a pack's cells yield sooner.
 
-    It is what the stress exceeds that of foam which is crushed along its more crushed column, and
-    which shears no further then.
+    Between none and that of its more crushed column in balance, a cell has none.
     """
     motion = ti.static(lattice.state.motion)
     d1x, d1y, d2x, d2y = _diagonals_of(motion.x, motion.y, b, i, k)
@@ -223,12 +222,14 @@ def note_shear(lattice: ti.template(), b, i, k, p: ti.template()):
     a2, b2 = _squares_of_columns(d1x, d1y, d2x, d2y, p)
     c_a, c_b = makeup.constants(lattice, A, b, k, p), makeup.constants(lattice, B, b, k, p)
     stress_a, stress_b = lattice.law.plateau_stress(c_a), lattice.law.plateau_stress(c_b)
-    along = ti.select(a2 < b2, stress_a, stress_b) / ti.sqrt(elementary.smaller(a2, b2))
+    along = ti.select(a2 < b2, stress_a, stress_b) * ti.abs(gamma)
+    shorter, longer = elementary.smaller(a2, b2), elementary.larger(a2, b2)
+    balance = along / (longer * ti.sqrt(shorter))
     tau = lattice.law.shear_modulus(c_b) * (gamma - lattice.state.shear_set[b, i, k])
-    size, sign = ti.abs(tau), ti.select(tau < 0.0, -1.0, 1.0)
-    beyond = elementary.larger(size - sign * along * gamma, 0.0)
+    with_gamma = ti.select(gamma < 0.0, -tau, tau)
+    beyond = elementary.larger(elementary.larger(with_gamma - balance, -with_gamma), 0.0)
     holds = lattice.state.grip[b, i, k] > 0.0
-    lattice.scratch.sheared[b, i, k] = ti.cast(ti.select(holds, beyond, 0.0), ti.f32)
+    lattice.scratch.excess_shear[b, i, k] = ti.cast(ti.select(holds, beyond, 0.0), ti.f32)
 
 
 @ti.func

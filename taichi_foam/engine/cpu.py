@@ -104,7 +104,7 @@ def _take_step(lattice: ti.template(), b, p: ti.template()):
         _write_row(lattice, b, p)
     _find_neighbours(lattice, b, p)
     if lattice.state.clock[b].status == RUNNING:
-        if ti.static(lattice.law.heeds_rate):
+        if ti.static(lattice.features.flows):
             for i in range(lattice.counts[None].columns):
                 bonds.flow_column(lattice, b, i, p)
         for stage in range(LAST_STAGE + 1):
@@ -193,7 +193,7 @@ def _begin_staged(lattice: ti.template()):
             lattice.state.clock[b].active = ti.i32(lattice.state.clock[b].status == RUNNING)
             if ti.static(lattice.features.self_contact):
                 contact.push_pieces(lattice, b, 0, p)
-    if ti.static(lattice.law.heeds_rate):
+    if ti.static(lattice.features.flows):
         for q in range(lattice.batch * lattice.sweeps * GRAIN):
             if q % GRAIN == 0:
                 sweep = q // GRAIN

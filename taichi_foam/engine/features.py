@@ -28,7 +28,7 @@ class Features:
     drag           a dashpot acts on each node's absolute velocity
     self_contact   pieces can touch each other
     crushed_room   cells keep the room that their bonds have left them
-    shear_yields   cells yield in shear as their bonds are crushed (Model.shear_yield)
+    shear_yields   shear and crush have one yield surface (Model.shear_yield)
     shaped         mass points and faces differ from those of a plain block
     alike          columns of such a block are identical and stored once, see `Filling.is_alike`
     foams          number of foams of the bonds
@@ -53,6 +53,11 @@ class Features:
     turns: bool
     shaken: bool
     supported: bool
+
+    @property
+    def flows(self) -> bool:
+        """Whether what bonds remember also changes between two steps, see `bonds.flow_pack`."""
+        return self.law.heeds_rate or self.shear_yields
 
 
 def features_of(scene: Scene) -> Features:

@@ -83,7 +83,7 @@ def _take_step(lattice: ti.template(), shared: ti.template(), b, t, p: ti.templa
     if ti.static(lattice.features.self_contact):
         _find_neighbours(lattice, shared, b, t, p)
     if lattice.state.clock[b].status == RUNNING:
-        if ti.static(lattice.law.heeds_rate):
+        if ti.static(lattice.features.flows):
             gpu_strips.flow_strip(lattice, b, t, THREADS, p)
             ti.simt.block.sync()
         for stage in range(LAST_STAGE + 1):
@@ -303,7 +303,7 @@ def advance_wide(lattice: Lattice, most_steps: int) -> None:
         _begin_wide(lattice)
         if lattice.features.self_contact:
             _find_neighbours_wide(lattice)
-        if lattice.law.heeds_rate:
+        if lattice.features.flows:
             _flow_wide(lattice)
         for stage in range(LAST_STAGE + 1):
             _stage_wide(lattice, stage)

@@ -38,7 +38,8 @@ class ScratchFields:
     cell_push   forces of cells on the second ends of both their diagonals [N], stored like `force`
     around    for each bond A and B the worst strain of the bonds around it, see `cells.look_pack`
     crush     for both axes the lasting crush of the cells' bonds at the last look
-    sheared   shear stress of the cells at the last look [Pa], see `cells.note_shear`
+    excess_shear   shear stress of the cells beyond balance at the last look [Pa], see
+              `cells.note_shear`
     column_softens  bonds of each column that soften in this step
     push, candidate_push   forces of other pieces on the nodes [N]: on a GPU, and on a CPU by
               candidate
@@ -100,8 +101,8 @@ class ScratchFields:
             layout.of_nodes(*self.around)
         if features.shear_yields:
             self.crush = layout.small_pack.field(), layout.small_pack.field()
-            self.sheared = layout.small_pack.field()
-            layout.of_nodes(*self.crush, self.sheared)
+            self.excess_shear = layout.small_pack.field()
+            layout.of_nodes(*self.crush, self.excess_shear)
         if features.crushed_room:
             self.presses = ti.field(ti.i32)
             layout.of_nodes(self.presses, whole=True)

@@ -305,18 +305,24 @@ def test_shear_yields_as_foam_crushes(scene: Scene, grown: tuple[float, float]) 
     assert 0.0 < state.shear_set[0, 0] < exact * (1.0 + 1e-3)
 
 
-@pytest.mark.parametrize("lean", [0.01, -0.02])
-def test_a_column_that_is_crushed_along_itself_leans_no_further(lean: float) -> None:
-    """The shear stress that balances its compression, which leans with it, lasts: Y gamma / b.
+def balance(a: float, b: float) -> float:
+    """Shear stress [Pa] over gamma at which a crush along the column of length b shears no further.
 
-    With less of it nothing yields, and none yields that would gain elastic strain.
+    It balances the column's own compression, which leans with it.
     """
-    b, grown = 0.5, 0.01
-    F = crushed_and_sheared(0.0, 1.0 - b, lean)
-    balance = YIELDING.foam.plateau_stress / (YIELDING.foam.shear_modulus * b)
+    return YIELDING.foam.plateau_stress / (a**2 * b)
+
+
+@pytest.mark.parametrize("a", [1.0, 0.8])
+@pytest.mark.parametrize("lean", [0.01, -0.02])
+def test_a_column_that_is_crushed_along_itself_leans_no_further(lean: float, a: float) -> None:
+    """Nor does one with less shear stress; nothing yields that would gain elastic strain."""
+    b, grown = 0.7, 0.01
+    F = crushed_and_sheared(1.0 - a, 1.0 - b, lean)
+    in_balance = balance(a, b) / YIELDING.foam.shear_modulus
     for share, yields in ((1.0, False), (0.5, False), (-0.5, True), (1.5, True)):
-        before = np.float32(lean * (1.0 - share * balance))
-        state = after_a_step(YIELDING, F, 0.0, b - 1.0 + grown, before)
+        before = np.float32(lean * (1.0 - share * in_balance))
+        state = after_a_step(YIELDING, F, a - 1.0, b - 1.0 + grown, before)
         changed = state.shear_set[0, 0] - before
         assert (abs(changed) > 1e-3 * abs(lean)) == yields, share
         assert changed * (lean - before) >= -1e-8 * lean**2, share
@@ -328,25 +334,34 @@ def test_foam_that_crushes_no_further_keeps_its_shear() -> None:
     np.testing.assert_array_equal(state.shear_set, 0.0)
 
 
-@pytest.mark.parametrize("gamma", [0.0, 0.02, -0.05, 0.09])
-def test_bonds_in_shear_yield_sooner(gamma: float) -> None:
+@pytest.mark.parametrize("a", [1.0, 0.85])
+@pytest.mark.parametrize("elastic", [1.0, 0.2, 1e-6, -1e-6, -0.5])
+@pytest.mark.parametrize("gamma", [0.03, -0.09])
+def test_bonds_in_shear_yield_sooner(gamma: float, elastic: float, a: float) -> None:
     """Between two cells with the same shear, at sigma = sqrt(Y^2 - 2 tau^2).
 
-    tau is what exceeds the shear stress of foam that is crushed along its columns.
+    tau is the distance of the shear stress from what lies between none and balance.
     """
-    foam, b = YIELDING.foam, 0.7
-    state = after_a_step(YIELDING, crushed_and_sheared(0.0, 1.0 - b, gamma), 0.0, 0.05 - 0.3)
-    inner = state.worst_b[1:-1]
-    lasting = state.shear_set[0, 0]
-    tau = foam.shear_modulus * abs(gamma) - foam.plateau_stress * abs(gamma) / b
-    expected = math.sqrt(foam.plateau_stress**2 - 2.0 * max(tau, 0.0) ** 2)
-    stress = foam.youngs_modulus * (b - 1.0 - (inner - foam.yield_strain))
-    np.testing.assert_allclose(stress, -expected, rtol=1e-5)
-    assert lasting * gamma >= 0.0
-    # packed foam does not
-    state = after_a_step(YIELDING, crushed_and_sheared(0.0, 0.85, gamma), 0.0, -0.85)
-    np.testing.assert_array_equal(state.worst_b, np.minimum(state.worst_b, -0.85 + 1e-12))
-    np.testing.assert_allclose(state.worst_b, -0.85, rtol=1e-12)
+    foam, b, lasting = YIELDING.foam, 0.75, np.float32(gamma * (1.0 - elastic))
+    F = crushed_and_sheared(1.0 - a, 1.0 - b, gamma)
+    state = after_a_step(YIELDING, F, a - 1.0, 0.05 + b - 1.0, lasting)
+    stress = foam.shear_modulus * (gamma - float(lasting)) * math.copysign(1.0, gamma)
+    tau = max(stress - balance(a, b) * abs(gamma), -stress, 0.0)
+    expected = math.sqrt(foam.plateau_stress**2 - 2.0 * tau**2)
+    assert (tau > 1.0) == (elastic in (1.0, -0.5))
+    inner = state.worst_b[1:-1]  # the outer ones have a cell on one side only
+    found = foam.youngs_modulus * (b - 1.0 - (inner - foam.yield_strain))
+    np.testing.assert_allclose(found, -expected, rtol=1e-5)
+
+
+def test_packed_foam_in_shear_yields_no_sooner() -> None:
+    """Though its shear stress is beyond balance, as that of the same foam less crushed."""
+    gamma, lasting = 0.08, 0.16
+    for crush, sooner in ((0.5, True), (0.85, False)):
+        F = crushed_and_sheared(0.0, crush, gamma)
+        state = after_a_step(YIELDING, F, 0.0, -crush, lasting)
+        assert (state.worst_b[1:-1] < -crush - 0.01).all() == sooner
+        assert (state.worst_b[1:-1] < -crush - 1e-9).any() == sooner
 
 
 def test_shear_that_has_yielded_breaks_no_bond() -> None:

@@ -226,9 +226,10 @@ class BondLaw:
     """Taichi dataclass of the law's constants, SI units."""
     History: ClassVar[Any] = History
     """Taichi dataclass of what a bond remembers, all in 64 bits. The first member is `worst`, the
-    most compressive strain so far, which cells, contact, pictures and measures read; the others are
-    the law's own. All are 0 in foam that has met nothing. The state, checkpoints, snapshots and the
-    next impact on the same block keep them."""
+    most compressive strain so far (deeper where foam in shear yielded sooner), which cells,
+    contact, pictures and measures read; the others are the law's own. All are 0 in foam that has
+    met nothing. The state, checkpoints, snapshots and the next impact on the same block keep
+    them."""
 
     tabulated: bool = False
     """Whether its functions read `table`, at [c.place, row]."""
@@ -240,8 +241,7 @@ class BondLaw:
     looks_around: bool = False
     """Whether `flowed` depends on the bonds around (`heeds_rate` only)."""
     yields_in_shear: bool = False
-    """Whether shear and crush have one yield surface (Model.shear_yield): it has the functions
-    `lasting_crush`, `plateau_stress` and `yields_as_at`."""
+    """Whether shear and crush have one yield surface (Model.shear_yield)."""
     shears_stiffer: bool = False
     """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
@@ -328,19 +328,19 @@ class BondLaw:
 
     @ti.func
     def lasting_crush(self, c: ti.template(), worst):
-        """Crush that lasts of a bond whose most compressive strain was `worst`."""
+        """Crush that lasts of a bond that remembers `worst` (`yields_in_shear` only)."""
         raise NotImplementedError
 
     @ti.func
     def plateau_stress(self, c: ti.template()):
-        """Stress of the plateau [Pa], above 0."""
+        """Stress of the plateau [Pa], above 0 (`yields_in_shear` only)."""
         raise NotImplementedError
 
     @ti.func
     def yields_as_at(self, c: ti.template(), e, share):
         """The strain at which a bond without shear would yield as one at `e` does with shear.
 
-        Shear leaves `share` of the plateau's stress to the bond.
+        Shear leaves `share` of the plateau's stress to the bond (`yields_in_shear` only).
         """
         raise NotImplementedError
 

@@ -303,6 +303,11 @@ class ByCurve(Crushing):
         return elementary.smaller(e, history.worst)
 
     @ti.func
+    def yields_as_at(self, c: ti.template(), e, share):
+        """No sooner: without a level plateau a deeper turning point has another stress."""
+        return e
+
+    @ti.func
     def stiffens_at(self, e, history: ti.template()):
         """Foam keeps the stiffness of its most compressive strain when it unloads."""
         return self.turn_at(e, history)
