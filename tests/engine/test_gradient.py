@@ -142,9 +142,8 @@ def test_forces_are_less_the_gradient_of_the_stored_energy(
 ) -> None:
     """And the ledger has that energy, each part by itself."""
     scene = small_scene(
-        block=BLOCKS[shape], foam=SOFT, base=Base(kind="floor"),
-        model=Model(self_contact=False, shear_yield=False),
-    )  # fmt: skip
+        block=BLOCKS[shape], foam=SOFT, base=Base(kind="floor"), model=Model(self_contact=False)
+    )
     start = start_of(scene, name, cracked)
     check(scene, start)
     energies = stored(scene, start, start["position"].astype(complex))
