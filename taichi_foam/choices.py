@@ -43,7 +43,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 "model.broken_contact": "reload",
                 "model.self_contact": True,
                 "model.crushed_room": True,
-                "model.shear_yield": False,
+                "model.shear_yield": True,
             }
         ),
         "paper-literal": MappingProxyType(

@@ -30,7 +30,7 @@ FREE = Base(kind="floor")
 LIFT = np.array([0.0, 0.5])  # m, clear of the floor
 UNBREAKABLE = Foam(tensile_strain=1.0, shear_strain=2.0)
 # only the forces of bonds, and of cells by their shear
-PLAIN = Model(self_contact=False, crushed_room=False)
+PLAIN = Model(self_contact=False, crushed_room=False, shear_yield=False)
 
 # Positions near 0.5 m are good to 6e-17 m, strains of 5 mm bonds to 2e-14, forces of K A = 792 N
 # to 2e-11 N; what a node adds up, and the densified slope, up to 50 K, take it to 1e-9 N.

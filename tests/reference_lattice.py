@@ -224,8 +224,7 @@ class ReferenceLattice:
         f = self.scene.foam
         left, corners = self.rooms(), self.corners()
         room = np.minimum(left, 1.0 + f.densification_strain)
-        yielded = np.clip((left - 1.0 - f.yield_strain) / f.yield_strain, 0.0, 1.0)
-        stiffness = PACKED * f.youngs_modulus * yielded * self.held()
+        stiffness = PACKED * f.youngs_modulus * self.held()
         stiffness = stiffness * (self.areas(corners) < room) * self.volume
 
         def energies(moved: np.ndarray) -> np.ndarray:

@@ -403,11 +403,13 @@ class Lattices {
         Rare& own = rare[k];
         if (own.worn) let_go(k, d1x, d1y, d2x, d2y);
         if (!HAS_ROOM) return;
+        const Lanes now = area(d1x, d1y, d2x, d2y) - NEAR;
+        own.presses = any_below(now, 1.0 + c.densification_strain);
+        if (!own.presses) return;
         const Lanes along_x = mine.bond[A].worst + above.bond[A].worst;
         const Lanes along_y = mine.bond[B].worst + right.bond[B].worst;
         const Lanes room = (1.0 + 0.5 * along_x) * (1.0 + 0.5 * along_y);
-        own.presses = any_below(room, 1.0 + c.yield_strain) &&
-                      any_below(Lanes{}, room_stress(area(d1x, d1y, d2x, d2y) - NEAR, room));
+        own.presses = any_below(Lanes{}, room_stress(now, room));
     }
 
     __attribute__((noinline)) void let_go(int k, Lanes d1x, Lanes d1y, Lanes d2x, Lanes d2y) {
@@ -431,10 +433,8 @@ class Lattices {
     }
 
     Lanes room_stress(Lanes area, Lanes room) const {
-        const Lanes yielded = (room - 1.0 - c.yield_strain) / c.yield_strain;
         const Lanes kept = least(room, 1.0 + c.densification_strain);
-        const Lanes lacks = most(kept - area - ROUNDING, Lanes{});
-        return PACKED * c.youngs_modulus * bounded(yielded, Lanes{}, all(1.0)) * lacks;
+        return PACKED * c.youngs_modulus * most(kept - area - ROUNDING, Lanes{});
     }
 
     Lanes crushed_to(int axis, Lanes worst, const Motion& from, const Motion& to) const {

@@ -32,19 +32,20 @@ WHOLE = {
 EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {
     "peers": {
         "block": WHOLE_CELLS,
-        "model": {"self_contact": False, "crushed_room": False},
+        "model": {"self_contact": False, "crushed_room": False, "shear_yield": False},
         "foam": {"crush_band": None, **AT_ONCE},
     },
     "room": {
         "block": WHOLE_CELLS,
-        "model": {"self_contact": False},
+        "model": {"self_contact": False, "shear_yield": False},
         "foam": {"crush_band": None},
     },
     "apart": {**WHOLE, "model": {"self_contact": False}},
     "whole": WHOLE,
 }
 """How much of the model: what the peers have; besides, the room of crushed foam and bonds that
-soften; also mass points on the block's faces and overshoot; and all of it, with contact of pieces.
+soften; also mass points on the block's faces, overshoot and yield in shear; and all of it, with
+contact of pieces.
 (Pieces of foam without room fold, and their contact costs what it never does in a run.) All take
 strain rates over a cell: then dashpots limit the step, and all take the same ones."""
 

@@ -361,10 +361,8 @@ class Lattice {
     }
 
     Lanes room_stress(Lanes area, Lanes room) const {
-        const Lanes yielded = (room - 1.0 - c.yield_strain) / c.yield_strain;
-        const Lanes share = least(most(yielded, Lanes{}), all(1.0));
         const Lanes kept = least(room, all(1.0 + c.densification_strain));
-        return PACKED * c.youngs_modulus * share * most(kept - area - ROUNDING, Lanes{});
+        return PACKED * c.youngs_modulus * most(kept - area - ROUNDING, Lanes{});
     }
 
     // Before a step: which of a column's cells may have less area than room in it.
@@ -372,18 +370,18 @@ class Lattice {
         const int first = at(i, 0);
         const double *x = state.x + first, *y = state.y + first, *held = hold + first;
         const double *a = bonds[A].worst + first, *b = bonds[B].worst + first;
-        const Lanes zero = {}, yields = all(1.0 + c.yield_strain);
+        const Lanes zero = {}, densified = all(1.0 + c.densification_strain);
         column[i].presses = false;
         for (int j = 0; j < padded; j += WIDTH) {
             const int right = j + stride, up = j + 1, far = right + 1;
-            const Lanes room = room_of(load(a + j), load(a + up), load(b + j), load(b + right));
-            char& found = presses[(first + j) / WIDTH];
-            found = any_below(room, yields);
-            if (!found) continue;
             const Lanes d1x = load(x + far) - load(x + j), d1y = load(y + far) - load(y + j);
             const Lanes d2x = load(x + up) - load(x + right), d2y = load(y + up) - load(y + right);
             const Lanes area =
                 (d1x * d2y - d1y * d2x) * (0.5 * c.per_length[A] * c.per_length[B]);
+            char& found = presses[(first + j) / WIDTH];
+            found = any_below(area - NEAR, densified);
+            if (!found) continue;
+            const Lanes room = room_of(load(a + j), load(a + up), load(b + j), load(b + right));
             found = any_below(zero, room_stress(area - NEAR, room) * load(held + j));
             column[i].presses |= found;
         }

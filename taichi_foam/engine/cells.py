@@ -59,15 +59,31 @@ def _shear_strain(d1x, d1y, d2x, d2y, p: ti.template()):
 
 
 @ti.func
+def _elastic_shear(lattice: ti.template(), b, i, k, gamma):
+    """The part of a pack's cells' shear strain that does not last."""
+    elastic = gamma
+    if ti.static(lattice.features.shear_yields):
+        elastic -= lattice.state.shear_set[b, i, k]
+    return elastic
+
+
+@ti.func
+def _squares_of_columns(d1x, d1y, d2x, d2y, p: ti.template()):
+    """Squares of the lengths of F's two columns in a pack's cells, from their diagonals."""
+    ax, ay, bx, by = d1x - d2x, d1y - d2y, d1x + d2x, d1y + d2y
+    per_x, per_y = 0.25 / (p.cell.x * p.cell.x), 0.25 / (p.cell.y * p.cell.y)
+    return (ax * ax + ay * ay) * per_x, (bx * bx + by * by) * per_y
+
+
+@ti.func
 def _rise(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
     """Rise in the shear modulus of hardening foam [Pa] as each of F's two columns is shortened.
 
     For the first column, along x, and for the second: the rise, its slope over the column's length
     [Pa], and that length.
     """
-    ax, ay = (d1x - d2x) * (0.5 / p.cell.x), (d1y - d2y) * (0.5 / p.cell.x)
-    bx, by = (d1x + d2x) * (0.5 / p.cell.y), (d1y + d2y) * (0.5 / p.cell.y)
-    a, b_length = ti.sqrt(ax * ax + ay * ay), ti.sqrt(bx * bx + by * by)
+    a2, b2 = _squares_of_columns(d1x, d1y, d2x, d2y, p)
+    a, b_length = ti.sqrt(a2), ti.sqrt(b2)
     c = makeup.constants(lattice, B, b, k, p)
     rise_a, slope_a = lattice.law.shear_rise(c, a - 1.0)
     rise_b, slope_b = lattice.law.shear_rise(c, b_length - 1.0)
@@ -88,9 +104,7 @@ def _tilt(along: ti.template(), b, i, k):
 @ti.func
 def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
     """Shear energy [J/m3] stored in a pack's cells in the accepted state."""
-    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
-    if ti.static(lattice.features.shear_yields):
-        gamma -= lattice.state.shear_set[b, i, k]  # the part that lasts
+    gamma = _elastic_shear(lattice, b, i, k, _shear_strain(d1x, d1y, d2x, d2y, p))
     modulus = lattice.law.shear_modulus(makeup.constants(lattice, B, b, k, p))
     energy = 0.5 * modulus * gamma * gamma
     if ti.static(lattice.law.shears_stiffer):
@@ -104,8 +118,25 @@ def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.tem
 
 
 @ti.func
-def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
-    """Update what a pack's cells hold between two steps, and find whether any may press.
+def look_pack(lattice: ti.template(), b, i, k, lost: vec2, booked: ti.template(), p: ti.template()):
+    """Update a pack's cells between two steps; `booked` as in `look_column`.
+
+    Returns `lost` plus the stored energies lost, of shear and of room [J].
+    """
+    d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
+    if ti.static(lattice.features.shear_yields):
+        _yield_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, booked, p)
+    now_lost = _hold_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, lost, p)
+    if ti.static(lattice.features.yields_sooner):
+        _note_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
+    return now_lost
+
+
+@ti.func
+def _hold_pack(
+    lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, lost: vec2, p: ti.template()
+):  # fmt: skip
+    """Update what a pack's cells hold, and find whether any may press.
 
     If the law asks for it, also find what is around the pack's bonds.
 
@@ -118,15 +149,13 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
     there = (a > ABSENT) & (left > ABSENT) & (above > ABSENT) & (right > ABSENT)
     worn = there & ((a < WHOLE) | (above < WHOLE) | (left < WHOLE) | (right < WHOLE))
     crushed = worn
+    area = _area(d1x, d1y, d2x, d2y, p)
     if ti.static(lattice.features.crushed_room):
-        room = _room_before(lattice, b, i, k)
         limit = lattice.law.keeps_room_below(makeup.constants(lattice, B, b, k, p))
-        crushed = there & (room < limit)
+        crushed = there & (area - NEAR < limit)
     now_lost = lost
     near = 0
     if lanes.any_of(worn | crushed):
-        d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
-        area = _area(d1x, d1y, d2x, d2y, p)
         if ti.static(lattice.features.crushed_room):
             c = makeup.constants(lattice, B, b, k, p)
             stress = lattice.law.room_stress(c, area - NEAR, _room_before(lattice, b, i, k))
@@ -139,17 +168,18 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
             torn = worn & ((a == BROKEN) | (above == BROKEN) | (left == BROKEN) | (right == BROKEN))
             before = lattice.state.hold[b, i, k]
             hold = elementary.smaller(elementary.larger(left_over, 0.0), before)
-            hold = ti.select(torn, hold, before)
+            hold = ti.cast(ti.select(torn, hold, before), ti.f32)
             lattice.state.hold[b, i, k] = hold
             # along each axis, the better of its two sides holds the cell together
             along_x = ti.cast(elementary.larger(a, above), ti.f64)
             along_y = ti.cast(elementary.larger(left, right), ti.f64)
             share = makeup.cell_share(lattice, b, i, k)
-            grip = ti.select(worn, share * hold * (along_x * along_y), lattice.state.grip[b, i, k])
+            held = lattice.state.grip[b, i, k]
+            grip = ti.select(worn, share * hold * (along_x * along_y), held)
             volume = p.cell.x * p.cell.y * p.thickness
             if ti.static(not lattice.features.faces):
                 stored = _shear_energy(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
-                now_lost[0] += volume * ((lattice.state.grip[b, i, k] - grip) * stored).sum()
+                now_lost[0] += volume * ((held - grip) * stored).sum()
             lattice.state.grip[b, i, k] = grip
             if ti.static(lattice.features.crushed_room):  # noqa: SIM102 - the static test stands alone
                 if lanes.any_of(hold < before):
@@ -163,15 +193,9 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, p: ti.template()):
 
 
 @ti.func
-def _squares_of_columns(d1x, d1y, d2x, d2y, p: ti.template()):
-    """Squares of the lengths of F's two columns in a pack's cells, from their diagonals."""
-    ax, ay, bx, by = d1x - d2x, d1y - d2y, d1x + d2x, d1y + d2y
-    per_x, per_y = 0.25 / (p.cell.x * p.cell.x), 0.25 / (p.cell.y * p.cell.y)
-    return (ax * ax + ay * ay) * per_x, (bx * bx + by * by) * per_y
-
-
-@ti.func
-def yield_pack(lattice: ti.template(), b, i, k, booked: ti.template(), p: ti.template()):
+def _yield_pack(
+    lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, booked: ti.template(), p: ti.template()
+):  # fmt: skip
     """Let a pack's cells yield in shear as their bonds were crushed in this step.
 
     docs/model.md, Yield in shear, has the flow rule. The crush along an axis is the mean of two
@@ -189,35 +213,31 @@ def yield_pack(lattice: ti.template(), b, i, k, booked: ti.template(), p: ti.tem
         grown_a = ti.cast(now_a - lattice.scratch.crush[A][b, i, k], ti.f64)
         grown_b = ti.cast(now_b - lattice.scratch.crush[B][b, i, k], ti.f64)
         if lanes.any_of((grown_a > 0.0) | (grown_b > 0.0)):
-            motion = ti.static(lattice.state.motion)
-            d1x, d1y, d2x, d2y = _diagonals_of(motion.x, motion.y, b, i, k)
             gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
             a2, b2 = _squares_of_columns(d1x, d1y, d2x, d2y, p)
-            lasts = ti.cast(lattice.state.shear_set[b, i, k], ti.f64)
             modulus = lattice.law.shear_modulus(c_b)
             times = (2.0 * modulus) * (
                 b2 * grown_a / lattice.law.plateau_stress(c_a)
                 + a2 * grown_b / lattice.law.plateau_stress(c_b)
             )
             tilts = 2.0 * (grown_a / ti.sqrt(a2) + grown_b / ti.sqrt(b2))
-            elastic = gamma - lasts
+            elastic = _elastic_shear(lattice, b, i, k, gamma)
             more = (times * elastic - tilts * gamma) / (1.0 + times)
             least, most = elementary.smaller(elastic, 0.0), elementary.larger(elastic, 0.0)
             more = elementary.smaller(elementary.larger(more, least), most)
             holds = lattice.state.grip[b, i, k] > 0.0
-            lattice.state.shear_set[b, i, k] = ti.cast(lasts + ti.select(holds, more, 0.0), ti.f32)
+            lasts = lattice.state.shear_set[b, i, k] + ti.select(holds, more, 0.0)
+            lattice.state.shear_set[b, i, k] = ti.cast(lasts, ti.f32)
     lattice.scratch.crush[A][b, i, k] = now_a
     lattice.scratch.crush[B][b, i, k] = now_b
 
 
 @ti.func
-def note_shear(lattice: ti.template(), b, i, k, p: ti.template()):
+def _note_shear(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.template()):
     """Note the shear stress beyond balance, by which the bonds of a pack's cells yield sooner.
 
     Between none and that of its more crushed column in balance, a cell has none.
     """
-    motion = ti.static(lattice.state.motion)
-    d1x, d1y, d2x, d2y = _diagonals_of(motion.x, motion.y, b, i, k)
     gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
     a2, b2 = _squares_of_columns(d1x, d1y, d2x, d2y, p)
     c_a, c_b = makeup.constants(lattice, A, b, k, p), makeup.constants(lattice, B, b, k, p)
@@ -225,7 +245,7 @@ def note_shear(lattice: ti.template(), b, i, k, p: ti.template()):
     along = ti.select(a2 < b2, stress_a, stress_b) * ti.abs(gamma)
     shorter, longer = elementary.smaller(a2, b2), elementary.larger(a2, b2)
     balance = along / (longer * ti.sqrt(shorter))
-    tau = lattice.law.shear_modulus(c_b) * (gamma - lattice.state.shear_set[b, i, k])
+    tau = lattice.law.shear_modulus(c_b) * _elastic_shear(lattice, b, i, k, gamma)
     with_gamma = ti.select(gamma < 0.0, -tau, tau)
     beyond = elementary.larger(elementary.larger(with_gamma - balance, -with_gamma), 0.0)
     holds = lattice.state.grip[b, i, k] > 0.0
@@ -267,11 +287,7 @@ def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.templ
     """
     pressing, lost = 0, vec2(0.0)
     for k in range(lattice.counts[None].packs):
-        if ti.static(lattice.features.shear_yields):
-            yield_pack(lattice, b, i, k, booked, p)
-        lost = look_pack(lattice, b, i, k, lost, p)
-        if ti.static(lattice.features.shear_yields):
-            note_shear(lattice, b, i, k, p)
+        lost = look_pack(lattice, b, i, k, lost, booked, p)
         if ti.static(lattice.features.crushed_room):
             pressing |= lattice.scratch.presses[b, i, k]
     if ti.static(lattice.features.crushed_room):
@@ -359,9 +375,7 @@ def shear_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.templa
     # half of thickness times stress is force over diagonal length
     half = lattice.state.grip[b, i, k] * (0.5 * p.thickness)
     closing = (d1x * d1u + d1y * d1v) - (d2x * d2u + d2y * d2v)
-    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
-    if ti.static(lattice.features.shear_yields):
-        gamma -= lattice.state.shear_set[b, i, k]  # the part that lasts
+    gamma = _elastic_shear(lattice, b, i, k, _shear_strain(d1x, d1y, d2x, d2y, p))
     elastic = half * lattice.law.shear_modulus(makeup.constants(lattice, B, b, k, p)) * gamma
     viscosity = makeup.shares(lattice, B, b, k, p).shear_viscosity
     viscous = half * closing * (viscosity * (0.5 / (p.cell.x * p.cell.y)))
@@ -393,9 +407,7 @@ def _harden_pack(
     """
     pushes, tally = ti.static(lattice.scratch.cell_push, lattice.scratch.tally)
     rise_a, slope_a, a, rise_b, slope_b, b_length = _rise(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
-    gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
-    if ti.static(lattice.features.shear_yields):
-        gamma -= lattice.state.shear_set[b, i, k]  # the part that lasts
+    gamma = _elastic_shear(lattice, b, i, k, _shear_strain(d1x, d1y, d2x, d2y, p))
     trial = ti.static(lattice.scratch.trial)
     tilt_x, tilt_y = _tilt(trial.x, b, i, k), _tilt(trial.y, b, i, k)
     tilt_u, tilt_v = _tilt(trial.u, b, i, k), _tilt(trial.v, b, i, k)

@@ -93,11 +93,7 @@ def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p
     n = strip
     while n < lattice.counts[None].nodes:
         i, k = lanes.column_and_row(lattice, n)
-        if ti.static(lattice.features.shear_yields):
-            cells.yield_pack(lattice, b, i, k, booked, p)
-        lost = cells.look_pack(lattice, b, i, k, lost, p)
-        if ti.static(lattice.features.shear_yields):
-            cells.note_shear(lattice, b, i, k, p)
+        lost = cells.look_pack(lattice, b, i, k, lost, booked, p)
         n += width
     if ti.static(booked):
         cells.book_lost(lattice, b, strip, lost)

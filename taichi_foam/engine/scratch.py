@@ -36,10 +36,10 @@ class ScratchFields:
     column_breaks   bonds of each column that break in this step
     presses, column_presses   whether cells of a pack, and on a CPU of a column, may press now
     cell_push   forces of cells on the second ends of both their diagonals [N], stored like `force`
-    around    for each bond A and B the worst strain of the bonds around it, see `cells.look_pack`
+    around    for each bond A and B the worst strain around it, see `cells._look_around`
     crush     for both axes the lasting crush of the cells' bonds at the last look
     excess_shear   shear stress of the cells beyond balance at the last look [Pa], see
-              `cells.note_shear`
+              `cells._note_shear`
     column_softens  bonds of each column that soften in this step
     push, candidate_push   forces of other pieces on the nodes [N]: on a GPU, and on a CPU by
               candidate
@@ -101,8 +101,10 @@ class ScratchFields:
             layout.of_nodes(*self.around)
         if features.shear_yields:
             self.crush = layout.small_pack.field(), layout.small_pack.field()
+            layout.of_nodes(*self.crush)
+        if features.yields_sooner:
             self.excess_shear = layout.small_pack.field()
-            layout.of_nodes(*self.crush, self.excess_shear)
+            layout.of_nodes(self.excess_shear)
         if features.crushed_room:
             self.presses = ti.field(ti.i32)
             layout.of_nodes(self.presses, whole=True)

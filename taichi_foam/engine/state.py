@@ -455,7 +455,7 @@ class StateFields:
         self.overlap = ti.field(ti.f64)
         layout.of_strips(self.work, self.overlap)
         if features.cells:
-            self.hold, self.grip = pack.field(), pack.field()
+            self.hold, self.grip = small_pack.field(), pack.field()
             layout.of_nodes(self.hold, self.grip)
         if features.shear_yields:
             self.shear_set = small_pack.field()

@@ -228,7 +228,7 @@ class Model(Part):
         "resists being pressed below the area that crushing has left it, however its bonds fold",
     )
     shear_yield: bool = choice(
-        False,
+        True,
         "true: in foam that stays crushed, crush and shear have one yield surface, Deshpande and "
         "Fleck's (shear = 'cell' only); false: it is elastic in shear until it breaks",
     )

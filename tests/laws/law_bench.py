@@ -100,6 +100,16 @@ def _kernels(law: BondLaw) -> SimpleNamespace:
             out[k] = law.contact_stress(c, gap[k], touch, length)
 
     @ti.kernel
+    def pressed(c: law.Constants, area: Array, room: ti.f64, out: Array):
+        for k in range(area.shape[0]):
+            out[k] = law.room_stress(c, area[k], room)
+
+    @ti.kernel
+    def kept(c: law.Constants, area: Array, room: ti.f64, out: Array):
+        for k in range(area.shape[0]):
+            out[k] = law.room_energy(c, area[k], room)
+
+    @ti.kernel
     def crushed_shear(c: law.Constants, worst: Array, out: Array):
         for k in range(worst.shape[0]):
             rise, _ = law.shear_rise(c, worst[k])
@@ -173,6 +183,16 @@ def elastic(foam: Bound) -> float:
 def piece(foam: Bound, gap: np.ndarray, touch: float, length: float) -> np.ndarray:
     """Stress [Pa] of foam between nodes and a support, see `BondLaw.contact_stress`."""
     return _over(foam, "piece", gap, touch, length)
+
+
+def pressed(foam: Bound, area: np.ndarray, room: float) -> np.ndarray:
+    """Pressure [Pa] of cells of `area` whose bonds leave them `room`."""
+    return _over(foam, "pressed", area, room)
+
+
+def kept(foam: Bound, area: np.ndarray, room: float) -> np.ndarray:
+    """Energy [J/m3] that such cells store."""
+    return _over(foam, "kept", area, room)
 
 
 def shear_modulus(foam: Bound, worst: np.ndarray) -> np.ndarray:

@@ -242,6 +242,8 @@ class BondLaw:
     """Whether `flowed` depends on the bonds around (`heeds_rate` only)."""
     yields_in_shear: bool = False
     """Whether shear and crush have one yield surface (Model.shear_yield)."""
+    yields_sooner: bool = False
+    """Whether its bonds then also yield sooner in shear, as `yields_as_at` says."""
     shears_stiffer: bool = False
     """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
@@ -340,7 +342,7 @@ class BondLaw:
     def yields_as_at(self, c: ti.template(), e, share):
         """The strain at which a bond without shear would yield as one at `e` does with shear.
 
-        Shear leaves `share` of the plateau's stress to the bond (`yields_in_shear` only).
+        Shear leaves `share` of the plateau's stress to the bond (`yields_sooner` only).
         """
         raise NotImplementedError
 
@@ -384,7 +386,7 @@ class BondLaw:
 
     @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:
-        """Room at and above which a cell has no `room_stress`."""
+        """Area, relative to that at rest, from which on a cell has no `room_stress`, see there."""
         return 0.0
 
     @ti.func
@@ -392,7 +394,8 @@ class BondLaw:
         """Pressure [Pa] of the foam in a cell that has less area than its bonds have left it.
 
         `area` and `room` are relative to the cell's area at rest; `area` is negative if the cell is
-        inside out. The pressure is 0 unless `area` is below `room`.
+        inside out. The pressure is 0 unless `area` is below `room`. For the same area it must not
+        rise as `room` falls: crushing bonds does no work on the cell.
         """
         return 0.0 * area
 

@@ -263,6 +263,7 @@ class ByCurve(Crushing):
     Constants = Constants
     tabulated = True
     shears_stiffer = True
+    yields_sooner = False  # without a level plateau a deeper turning point has another stress
 
     @ti.func
     def _looked_up(self, c: ti.template(), e, column: ti.template()):
@@ -303,11 +304,6 @@ class ByCurve(Crushing):
         return elementary.smaller(e, history.worst)
 
     @ti.func
-    def yields_as_at(self, c: ti.template(), e, share):
-        """No sooner: without a level plateau a deeper turning point has another stress."""
-        return e
-
-    @ti.func
     def stiffens_at(self, e, history: ti.template()):
         """Foam keeps the stiffness of its most compressive strain when it unloads."""
         return self.turn_at(e, history)
@@ -321,25 +317,32 @@ class ByCurve(Crushing):
         """Rise of the curve from the crush of a cell's bonds to the crush of its area.
 
         Bonds that fold sideways do not get shorter: the cell carries the remaining stress. A level
-        plateau does not rise, so that foam yields at it in any direction. Foam that has not yielded
-        has no such pressure; as it yields, the pressure grows from zero.
+        plateau does not rise, so that foam yields at it in any direction. Until its area is crushed
+        by twice the yield strain whole foam has no such pressure.
         """
-        yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
-        yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
-        now, _ = self._looked_up(c, elementary.smaller(area, room - ROUNDING) - 1.0, IN_CELLS)
-        met, _ = self._looked_up(c, room - ROUNDING - 1.0, IN_CELLS)
-        return yielded * (now - met)
+        least = self._pressed_from(c, room)
+        now, _ = self._looked_up(c, elementary.smaller(area, least) - 1.0, IN_CELLS)
+        met, _ = self._looked_up(c, least - 1.0, IN_CELLS)
+        return now - met
 
     @ti.func
     def room_energy(self, c: ti.template(), area, room):
         """The area between the curve and the stress at the crush of the cell's bonds."""
-        yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
-        yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
-        least = elementary.smaller(area, room - ROUNDING)
-        now, _ = self._looked_up(c, least - 1.0, CELLS_ENERGY)
-        before, _ = self._looked_up(c, room - ROUNDING - 1.0, CELLS_ENERGY)
-        met, _ = self._looked_up(c, room - ROUNDING - 1.0, IN_CELLS)
-        return yielded * (now - before - met * (room - ROUNDING - least))
+        least = self._pressed_from(c, room)
+        less = elementary.smaller(area, least)
+        now, _ = self._looked_up(c, less - 1.0, CELLS_ENERGY)
+        before, _ = self._looked_up(c, least - 1.0, CELLS_ENERGY)
+        met, _ = self._looked_up(c, least - 1.0, IN_CELLS)
+        return now - before - met * (least - less)
+
+    @ti.func
+    def _pressed_from(self, c: ti.template(), room):
+        """The area below which a cell has pressure."""
+        return elementary.smaller(room - ROUNDING, self.keeps_room_below(c))
+
+    @ti.func
+    def keeps_room_below(self, c: ti.template()) -> ti.f64:
+        return 1.0 + 2.0 * c.yield_strain
 
     @ti.func
     def shear_rise(self, c: ti.template(), e):

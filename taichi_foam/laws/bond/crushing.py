@@ -147,6 +147,7 @@ class Crushing(BondLaw):
 
     stiffens = True
     yields_in_shear = True
+    yields_sooner = True
 
     @ti.func
     def turn_at(self, e, history: ti.template()):
@@ -207,30 +208,25 @@ class Crushing(BondLaw):
 
     @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:
-        return 1.0 + c.yield_strain
+        return 1.0 + c.densification_strain
 
     @ti.func
     def room_stress(self, c: ti.template(), area, room):
         """Densified foam resists with the slope of packed foam.
 
         Until then it yields at its plateau, in any direction: foam crushed at 45 degrees to its
-        bonds has 0.4 of the area that their strains would leave it. Foam that has not yielded has
-        no such pressure; as it yields, the pressure grows from zero.
+        bonds has 0.4 of the area that their strains would leave it.
         """
-        yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
-        yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
         least = elementary.smaller(room, 1.0 + c.densification_strain)
         lacks = elementary.larger(least - area - ROUNDING, 0.0)
-        return PACKED * c.youngs_modulus * yielded * lacks
+        return PACKED * c.youngs_modulus * lacks
 
     @ti.func
     def room_energy(self, c: ti.template(), area, room):
         """Quadratic in the missing area, see `room_stress`."""
-        yielded = (room - 1.0 - c.yield_strain) / c.yield_strain
-        yielded = elementary.smaller(elementary.larger(yielded, 0.0), 1.0)
         least = elementary.smaller(room, 1.0 + c.densification_strain)
         lacks = elementary.larger(least - area - ROUNDING, 0.0)
-        return 0.5 * PACKED * c.youngs_modulus * yielded * lacks * lacks
+        return 0.5 * PACKED * c.youngs_modulus * lacks * lacks
 
     @ti.func
     def room_stiffness(self, c: ti.template()) -> ti.f64:
