@@ -9,7 +9,7 @@ from taichi_foam import paper_scene
 from taichi_foam.shim2000.figures import branches
 
 K = 2.78e6
-YIELD = -0.041  # of a plateau of 0.114 MPa
+YIELD = -0.0425  # of a plateau of 0.118 MPa
 PLATEAU = -K * YIELD
 
 
