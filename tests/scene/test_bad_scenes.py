@@ -64,7 +64,7 @@ VALUES = {
     "foam.yield_strain=0.05": "below 0 ... negative in compression: -0.05",
     "foam.tensile_strain=-0.05": "positive in",
     "foam.locking_strain=-0.7": "below foam.densification_strain = -0.8 ... -0.95",
-    "foam.densification_strain=-0.02": "below foam.yield_strain = -0.041",
+    "foam.densification_strain=-0.02": "below foam.yield_strain = -0.0425",
     "foam.locking_strain=-1.2": "above -1",
     # an impactor that cannot hit, or has hit already
     "impactor.x=0.3": "never touches ... 0.275 to 0.325 m ... -0.0975 to 0.0975 m",
