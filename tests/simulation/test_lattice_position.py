@@ -37,16 +37,19 @@ def as_drawn() -> dict[str, float]:
 
 
 # The foam is held together along its lattice, so that a turned one is a little another foam: it is
-# crushed at an angle to its bonds, which shortens both kinds and shears its cells. And where the
-# outline cuts cells, a bond may break at one position and hold at another (docs/limits.md).
+# crushed at an angle to its bonds, and these lean the more the further it is crushed. They carry the
+# plateau's stress along themselves, and so 0.94, 0.88 and 0.84 of it along the load at 0.4 of the
+# height (10, 22.5 and 45 degrees). And where the outline cuts cells, a bond may break at one
+# position and hold at another (docs/limits.md).
 @pytest.mark.parametrize(
     ("shift", "angle", "within"),
     [
         (0.25, 0.0, HALF_A_CELL),
         (0.5, 0.0, HALF_A_CELL),
         (0.0, 90.0, HALF_A_CELL),
-        (0.0, 10.0, 0.1),
-        (0.0, 22.5, 0.13),
+        (0.0, 10.0, 0.2),
+        (0.0, 22.5, 0.2),
+        (0.0, 45.0, 0.08),
     ],
 )
 def test_what_a_drop_comes_to(
