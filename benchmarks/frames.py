@@ -89,6 +89,7 @@ def finer(snapshot: Snapshot, scene: Scene, times: int) -> tuple[Snapshot, Scene
         e_min_b=cut(np.pad(snapshot.e_min_b, ((0, 0), (0, 1)), mode="edge"))[:, :-1],
         break_time_a=broken_a,
         break_time_b=broken_b,
+        shear_set=np.zeros((fine.block.columns - 1, fine.block.rows - 1)),
     ), fine
 
 

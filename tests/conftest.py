@@ -81,6 +81,7 @@ def intact_snapshot(block: Block) -> Snapshot:
         e_min_b=np.zeros((columns, rows - 1)),
         break_time_a=np.full((columns - 1, rows), np.nan),
         break_time_b=np.full((columns, rows - 1), np.nan),
+        shear_set=np.zeros((columns - 1, rows - 1)),
     )
 
 

@@ -198,7 +198,7 @@ class State:
     room: Annotated[Array, Kept.at(NODES, "room", start=NEVER, beyond=NEVER)]
     surface: Annotated[Array, Kept.at(NODES, "surface")]
     hold: Annotated[Array, Kept.at(CELLS, "hold", start=1.0)]
-    shear_set: Annotated[Array, Kept.at(CELLS, "shear_set")]
+    shear_set: Annotated[Array, Kept.at(CELLS, "shear_set", seen=True)]
     worst_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.worst", seen=True)]
     worst_b: Annotated[Array, Kept.at(BONDS_B, "bond_b.worst", seen=True)]
     break_time_a: Annotated[Array, Kept.at(BONDS_A, "bond_a.break_time", start=np.nan, seen=True)]
@@ -292,6 +292,7 @@ def snapshot_of(
         e_min_b=arrays["worst_b"],
         break_time_a=arrays["break_time_a"],
         break_time_b=arrays["break_time_b"],
+        shear_set=arrays["shear_set"],
         impactor_shift=turn.get("x", 0.0),
         impactor_angle=turn.get("angle", 0.0),
         own=own,

@@ -104,6 +104,7 @@ def cell_stresses(scene: Scene, snapshot: Snapshot) -> NDArray[np.float32]:
         worst_b=np.asarray(snapshot.e_min_b, dtype=np.float64),
         break_time_a=snapshot.break_time_a,
         break_time_b=snapshot.break_time_b,
+        shear_set=np.asarray(snapshot.shear_set, dtype=np.float64),
         own={name: np.asarray(each, dtype=np.float64) for name, each in snapshot.own.items()},
         clock={**start.clock, "stiffest": 0.0},
         body={**start.body, "y": snapshot.impactor_y if scene.impactor is not None else NEVER},

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.records.cushion import BONDS_A, BONDS_B, NODES, Per
+from taichi_foam.records.cushion import BONDS_A, BONDS_B, CELLS, NODES, Per
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,7 @@ class Snapshot:
     e_min_b       (I, J-1), the same for bond B(i,j)
     break_time_a  (I-1, J) s, when bond A(i,j) broke; NaN while intact
     break_time_b  (I, J-1) s, the same for bond B(i,j)
+    shear_set     (I-1, J-1), lasting shear strain of cell (i, j)
     impactor_shift  m, how far the impactor's centre of mass has moved sideways since the start
     impactor_angle  rad, its rotation about its centre of mass, counter-clockwise
     own           what bonds remember besides, by the names of `records.cushion.remembered`
@@ -42,6 +43,7 @@ class Snapshot:
     e_min_b: Annotated[Array, Per(BONDS_B)]
     break_time_a: Annotated[Array, Per(BONDS_A)]
     break_time_b: Annotated[Array, Per(BONDS_B)]
+    shear_set: Annotated[Array, Per(CELLS, absent=0.0)]
     impactor_shift: Annotated[float, Per(None)] = 0.0
     impactor_angle: Annotated[float, Per(None)] = 0.0
     own: Mapping[str, Array] = field(default_factory=dict)

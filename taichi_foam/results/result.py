@@ -237,11 +237,16 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     """
     if not path.is_file():
         return None
-    absent = {name: told.absent for name, told in declared(Cushion).items()}
     try:
-        return Cushion.from_arrays(_read_arrays(path, shapes_of(Cushion, scene), absent=absent))
+        arrays = _read_arrays(path, shapes_of(Cushion, scene), absent=_absent(Cushion))
+        return Cushion.from_arrays(arrays)
     except KeyError:
         return None
+
+
+def _absent(kind: type) -> dict[str, float | None]:
+    """Values of arrays that files of other versions lack, see `Per.absent`."""
+    return {name: told.absent for name, told in declared(kind).items()}
 
 
 def _words(error: BaseException) -> str:
@@ -271,7 +276,7 @@ def _write_snapshots(result: Result, path: Path) -> None:
 
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
-    arrays = _read_arrays(path, shapes(scene), "time")
+    arrays = _read_arrays(path, shapes(scene), "time", _absent(Snapshot))
     return [
         snapshot_of(dict(zip(arrays, values, strict=True)))
         for values in zip(*arrays.values(), strict=True)

@@ -342,7 +342,7 @@ def test_where_a_body_is_drawn_is_where_it_is(body: Impactor) -> None:
     """
     body = body.model_copy(update={"velocity": 1.0, "gap": 0.2, "spin": 300.0})
     scene = dropped(body, model=Model(self_contact=False, crushed_room=False))
-    start = Snapshot(0.0, 0.3, *(np.zeros((2, 2)),) * 6)
+    start = Snapshot(0.0, 0.3, *(np.zeros((2, 2)),) * 7)
     first = impactor_now(start, scene)
     assert first is not None
     size = np.ptp(body.outline(), axis=0).max()

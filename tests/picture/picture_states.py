@@ -61,6 +61,7 @@ def snapshot_of(
         e_min_b=e_min_b,
         break_time_a=np.where(none_a, time, np.nan),
         break_time_b=np.where(none_b, time, np.nan),
+        shear_set=np.zeros((position.shape[0] - 1, position.shape[1] - 1)),
     )
 
 

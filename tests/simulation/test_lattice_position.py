@@ -37,9 +37,9 @@ def as_drawn() -> dict[str, float]:
 
 
 # The foam is held together along its lattice, so that a turned one is a little another foam: it is
-# crushed at an angle to its bonds, and these lean the more the further it is crushed. They carry the
-# plateau's stress along themselves, and so 0.94, 0.88 and 0.84 of it along the load at 0.4 of the
-# height (10, 22.5 and 45 degrees). And where the outline cuts cells, a bond may break at one
+# crushed at an angle to its bonds, and these lean the more the further it is crushed. They carry
+# the plateau's stress along themselves, and so 0.94, 0.88 and 0.84 of it along the load at 0.4 of
+# the height (10, 22.5 and 45 degrees). And where the outline cuts cells, a bond may break at one
 # position and hold at another (docs/limits.md).
 @pytest.mark.parametrize(
     ("shift", "angle", "within"),
