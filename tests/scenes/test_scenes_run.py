@@ -365,7 +365,7 @@ def test_the_i_shape_is_turned_by_the_lever_of_its_flange() -> None:
     row = int(np.searchsorted(h.time_s, 1e-3))
     lost = h.velocity_m_s[0] + STANDARD_GRAVITY * h.time_s[row] - h.velocity_m_s[row]
     assert -h.spin_rad_s[row] / lost * gyration == pytest.approx(0.025, rel=0.05)
-    assert figures["final_angle_rad"] == pytest.approx(-math.radians(32), abs=0.1)
+    assert figures["final_angle_rad"] == pytest.approx(-math.radians(41), abs=0.1)
     assert figures["final_velocity_x_m_s"] > 0.5
     assert figures["peak_resultant_g"] < 20
     assert abs(figures["energy_residual"]) < 1e-3
