@@ -267,7 +267,9 @@ def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
     x = scene.block.positions[:, 0, 0]
     below = scene.block.dx * np.count_nonzero(np.abs(x - product.x) < 0.5 * product.width)
     assert below == pytest.approx(product.width, rel=0.03)
-    others = ("damping_J", "friction_J", "fracture_J", "self_contact_J", "folding_J")
+    others = (
+        "damping_J", "friction_J", "fracture_J", "self_contact_J", "folding_J", "shearing_J",
+    )  # fmt: skip
     stop = int(np.argmax(history["displacement_m"]))
     beside = sum(history[name][stop] for name in others) / history["displacement_m"][stop]
     force = plateau * below * scene.block.depth + beside
@@ -292,7 +294,7 @@ def test_a_corner_pad_hardens_as_its_feet_widen() -> None:
     depth = -landmarks.crush_end * s
     taken = pressure * -landmarks.crush_end * (0.06 * s + 0.75 * s**2)
     end = int(np.argmax(taken >= weight * (product.drop_height + depth)))
-    assert s[end] == pytest.approx(0.0410, abs=1e-4)
+    assert s[end] == pytest.approx(0.0399, abs=1e-4)
     figures = run(scene).summary
     whole = -landmarks.crush_start * (scene.block.height - s[end])  # what is not crushed yields
     assert figures["max_displacement_m"] == pytest.approx(depth[end] + whole, rel=0.05)
