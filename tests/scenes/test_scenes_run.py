@@ -267,9 +267,7 @@ def test_an_edge_pad_carries_by_what_is_below_the_product() -> None:
     x = scene.block.positions[:, 0, 0]
     below = scene.block.dx * np.count_nonzero(np.abs(x - product.x) < 0.5 * product.width)
     assert below == pytest.approx(product.width, rel=0.03)
-    others = (
-        "damping_J", "friction_J", "fracture_J", "self_contact_J", "folding_J", "shearing_J",
-    )  # fmt: skip
+    others = ("damping_J", "friction_J", "fracture_J", "self_contact_J", "folding_J")
     stop = int(np.argmax(history["displacement_m"]))
     beside = sum(history[name][stop] for name in others) / history["displacement_m"][stop]
     force = plateau * below * scene.block.depth + beside
