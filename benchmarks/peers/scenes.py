@@ -38,7 +38,8 @@ EXTENTS: dict[Extent, dict[str, dict[str, object]]] = {
     "room": {
         "block": WHOLE_CELLS,
         "model": {"self_contact": False, "shear_yield": False},
-        "foam": {"crush_band": None},
+        # enough for bonds of any cell here: the peers do not reduce a bond's limits
+        "foam": {"crush_band": None, "fracture_energy": 75.0, "shear_fracture_energy": 130.0},
     },
     "apart": {**WHOLE, "model": {"self_contact": False}},
     "whole": WHOLE,
