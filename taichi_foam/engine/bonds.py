@@ -421,7 +421,7 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
     history = _remembered(lattice, axis, b, i, k)
     there = bonds[b, i, k].condition > ABSENT
     c = makeup.constants(lattice, axis, b, k, p)
-    if ti.static(lattice.features.yields_sooner):
+    if ti.static(lattice.features.shear_yields):
         e = _yields_as_at(lattice, axis, b, i, k, e, p)
     if ti.static(lattice.law.heeds_rate):
         # powers are expensive, and few bonds flow

@@ -127,7 +127,7 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, booked: ti.template()
     if ti.static(lattice.features.shear_yields):
         _yield_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, booked, p)
     now_lost = _hold_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, lost, p)
-    if ti.static(lattice.features.yields_sooner):
+    if ti.static(lattice.features.shear_yields):
         _note_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
     return now_lost
 

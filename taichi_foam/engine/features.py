@@ -57,12 +57,7 @@ class Features:
     @property
     def flows(self) -> bool:
         """Whether what bonds remember also changes between two steps, see `bonds.flow_pack`."""
-        return self.law.heeds_rate or self.yields_sooner
-
-    @property
-    def yields_sooner(self) -> bool:
-        """Whether bonds between cells in shear yield sooner."""
-        return self.shear_yields and self.law.yields_sooner
+        return self.law.heeds_rate or self.shear_yields
 
 
 def features_of(scene: Scene) -> Features:

@@ -102,7 +102,6 @@ class ScratchFields:
         if features.shear_yields:
             self.crush = layout.small_pack.field(), layout.small_pack.field()
             layout.of_nodes(*self.crush)
-        if features.yields_sooner:
             self.excess_shear = layout.small_pack.field()
             layout.of_nodes(self.excess_shear)
         if features.crushed_room:

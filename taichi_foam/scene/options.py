@@ -229,8 +229,8 @@ class Model(Part):
     )
     shear_yield: bool = choice(
         True,
-        "true: in foam that stays crushed, crush and shear have one yield surface, Deshpande and "
-        "Fleck's (shear = 'cell' only); false: it is elastic in shear until it breaks",
+        "true: in crushable foam, crush and shear have one yield surface, Deshpande and Fleck's "
+        "(shear = 'cell' only); false, and foam by its curve: elastic in shear until it breaks",
     )
     piece_size: float = quantity(
         1.04,

@@ -6,6 +6,7 @@ from bench import (
     COLUMNS,
     FREE,
     LIFT,
+    PLAIN,
     ROUNDING,
     ROWS,
     UNBREAKABLE,
@@ -36,7 +37,7 @@ def state(shear: str, gradient: tuple, seed: int, dx: float = 0.005, **parts) ->
     scene = small_scene(
         dx=dx,
         base=FREE,
-        model=Model(self_contact=False, crushed_room=False, shear=shear),
+        model=PLAIN.model_copy(update={"shear": shear}),
         **{"foam": UNBREAKABLE, **parts},
     )
     rng = np.random.default_rng(seed)

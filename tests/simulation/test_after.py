@@ -26,7 +26,7 @@ SAVED = Output(history_interval=5e-5, snapshot_interval=1e-3, film=False)
 BREAKING = small_scene(
     name="breaking",
     impactor=Wedge(
-        angle_deg=60, shank_width=0.02, mass=0.1, velocity=15.0, friction=0.22, gap=0.001
+        angle_deg=80, shank_width=0.02, mass=0.1, velocity=16.0, friction=0.22, gap=0.001
     ),
     base=Base(kind="floor"),
     model=Model(shear_failure="always"),

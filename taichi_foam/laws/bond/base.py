@@ -242,8 +242,6 @@ class BondLaw:
     """Whether `flowed` depends on the bonds around (`heeds_rate` only)."""
     yields_in_shear: bool = False
     """Whether shear and crush have one yield surface (Model.shear_yield)."""
-    yields_sooner: bool = False
-    """Whether its bonds then also yield sooner in shear, as `yields_as_at` says."""
     shears_stiffer: bool = False
     """Whether `shear_rise` adds to the shear modulus."""
     stiffens: bool = False
@@ -342,7 +340,7 @@ class BondLaw:
     def yields_as_at(self, c: ti.template(), e, share):
         """The strain at which a bond without shear would yield as one at `e` does with shear.
 
-        Shear leaves `share` of the plateau's stress to the bond (`yields_sooner` only).
+        Shear leaves `share` of the plateau's stress to the bond (`yields_in_shear` only).
         """
         raise NotImplementedError
 

@@ -147,7 +147,6 @@ class Crushing(BondLaw):
 
     stiffens = True
     yields_in_shear = True
-    yields_sooner = True
 
     @ti.func
     def turn_at(self, e, history: ti.template()):

@@ -258,7 +258,6 @@ class Recovering(ByCurve):
 
     Constants = _Constants
     table_columns = TABLE_COLUMNS + 5
-    yields_in_shear = False  # its crush does not last
 
     @property
     def History(self) -> Any:  # noqa: N802 - the record's name
