@@ -91,7 +91,7 @@ def test_the_impactor_starts_its_gap_above_the_block_as_it_lies(again: Result) -
     assert start.impactor_y == at_touch + wedge.gap
     assert at_touch < BREAKING.contact_height
     x = start.position[..., 0] - wedge.x
-    lower = np.abs(x) / np.tan(np.radians(30))  # of a wedge of 60 degrees
+    lower = np.abs(x) / np.tan(np.radians(0.5 * wedge.angle_deg))
     clearance = (start.position[..., 1] - at_touch - lower)[np.abs(x) < 0.01]
     assert clearance.max() == pytest.approx(0.0, abs=1e-12)
     assert again.history["displacement_m"][0] == 0.0
