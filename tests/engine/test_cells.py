@@ -10,6 +10,8 @@ from reference_lattice import ReferenceLattice, reference_positions
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import ROOM, State, state_after
 from taichi_foam.laws.bond import Curve
+from taichi_foam.laws.bond.by_curve import CurveFoam
+from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
 from taichi_foam.scene import (
     Across,
     Foam,
@@ -384,10 +386,11 @@ def test_shear_that_has_yielded_breaks_no_bond() -> None:
     assert not whole_b[:, 12:].any()
 
 
-def test_foam_that_springs_back_yields_in_no_shear() -> None:
+@pytest.mark.parametrize("law", [RecoveringFoam, TabulatedFoam])
+def test_foam_by_its_curve_yields_in_no_shear(law: type[CurveFoam]) -> None:
     curve = Curve(strain=(0, 0.05, 0.6, 0.8), stress=(0, 1e5, 1.2e5, 5e5))
     parts = {"impactor": Wedge(angle_deg=80, shank_width=0.03, mass=0.2, velocity=6.0),
-             "foam": RecoveringFoam(curve=curve), "numerics": Numerics(end=2e-3)}  # fmt: skip
+             "foam": law(curve=curve), "numerics": Numerics(end=2e-3)}  # fmt: skip
     elastic, yielding = (
         run(small_scene(model=Model(shear_yield=on), **parts)) for on in (False, True)
     )
