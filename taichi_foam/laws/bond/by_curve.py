@@ -263,7 +263,6 @@ class ByCurve(Crushing):
     Constants = Constants
     tabulated = True
     shears_stiffer = True
-    yields_in_shear = False  # see docs/model.md, Yield in shear
 
     @ti.func
     def _looked_up(self, c: ti.template(), e, column: ti.template()):

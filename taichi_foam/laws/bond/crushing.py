@@ -146,7 +146,6 @@ class Crushing(BondLaw):
     shear_failure: str = "always"
 
     stiffens = True
-    yields_in_shear = True
 
     @ti.func
     def turn_at(self, e, history: ti.template()):
@@ -189,21 +188,6 @@ class Crushing(BondLaw):
     @ti.func
     def stiffens_below(self, c: ti.template()):
         return c.densification_strain
-
-    @ti.func
-    def lasting_crush(self, c: ti.template(), worst):
-        return elementary.larger(c.yield_strain - worst, 0.0)
-
-    @ti.func
-    def plateau_stress(self, c: ti.template()):
-        return -c.youngs_modulus * c.yield_strain
-
-    @ti.func
-    def yields_as_at(self, c: ti.template(), e, share):
-        """By as much of the yield strain as the plateau falls, up to where foam is packed."""
-        sooner = e + (1.0 - share) * c.yield_strain
-        sooner = elementary.larger(sooner, elementary.smaller(e, c.densification_strain))
-        return ti.select(sooner < c.yield_strain, sooner, e)
 
     @ti.func
     def keeps_room_below(self, c: ti.template()) -> ti.f64:

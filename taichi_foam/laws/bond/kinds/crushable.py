@@ -270,6 +270,7 @@ class Crushable(Crushing):
     linear_room: bool = True
 
     Constants = Constants
+    yields_in_shear = True
 
     @property
     def looks_around(self) -> bool:
@@ -371,6 +372,21 @@ class Crushable(Crushing):
             growth = 1.0 + power * times * elementary.power(share, power)
             left = lag * elementary.power(growth, -1.0 / power)
         return left
+
+    @ti.func
+    def lasting_crush(self, c: ti.template(), worst):
+        return elementary.larger(c.yield_strain - worst, 0.0)
+
+    @ti.func
+    def plateau_stress(self, c: ti.template()):
+        return -c.youngs_modulus * c.yield_strain
+
+    @ti.func
+    def yields_as_at(self, c: ti.template(), e, share):
+        """By as much of the yield strain as the plateau falls, up to where foam is packed."""
+        sooner = e + (1.0 - share) * c.yield_strain
+        sooner = elementary.larger(sooner, elementary.smaller(e, c.densification_strain))
+        return ti.select(sooner < c.yield_strain, sooner, e)
 
     @ti.func
     def elastic_strain(self, c: ti.template(), e, e_min, permanent):
