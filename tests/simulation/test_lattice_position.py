@@ -39,10 +39,10 @@ def as_drawn() -> tf.Result:
 # The foam is held together along its lattice, so that a turned one is a little another foam: it is
 # crushed at an angle to its bonds, and these lean the more the further it is crushed. They carry
 # the plateau's stress along themselves, and so 0.94, 0.88 and 0.84 of it along the load at 0.4 of
-# the height (10, 22.5 and 45 degrees). At 10 and 22.5 degrees more comes from the pad's top: contact
-# acts on mass points, which then lie up to a cell below it, and the plate meets them one after
-# another. And where the outline cuts cells, a bond may break at one position and hold at another
-# (docs/limits.md).
+# the height (10, 22.5 and 45 degrees). At 10 and 22.5 degrees more comes from the pad's top:
+# contact acts on mass points, which then lie up to a cell below it, and the plate meets them one
+# after another. And where the outline cuts cells, a bond may break at one position and hold at
+# another (docs/limits.md).
 @pytest.mark.parametrize(
     ("shift", "angle", "within", "of_plateau"),
     [
