@@ -6,6 +6,7 @@ SI units; displacements and velocities are the impactor's, positive downwards.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,23 +77,40 @@ def fell_beside(record: Record) -> bool:
     return bool(lowest < foam.min() or lowest > foam.max())
 
 
-def height_beneath(position: Array, impactor: Impactor, there: NDArray[np.bool_]) -> float:
-    """Height [m] of the impactor's lowest point when, moving down, it first touches a mass point.
+def height_beneath(
+    position: Array, impactor: Impactor, reaches: Array, there: NDArray[np.bool_]
+) -> float:
+    """Height [m] of the impactor's lowest point when, moving down, it first touches the foam.
 
     Args:
         position: (I, J, 2) of the mass points [m].
         impactor: the impactor in its initial orientation; only its downward side counts.
+        reaches: (I, J) how far foam reaches beyond them [m], see `filling.reaches`.
         there: (I, J) which mass points count.
 
-    Raises ValueError: there is no mass point beneath it.
+    Raises ValueError: there is no foam beneath it.
     """
     chain = lower_chain(impactor.outline())
-    x = position[there, 0] - impactor.x
-    beneath = (chain[0, 0] < x) & (x < chain[-1, 0])
+    x, y = position[there].T - [[impactor.x], [0.0]]
+    reach = reaches[there]
+    beneath = (chain[0, 0] - reach < x) & (x < chain[-1, 0] + reach)
     if not beneath.any():
-        raise ValueError("no mass point is beneath the impactor")
-    y = position[there, 1][beneath]
-    return float(np.max(y - np.interp(x[beneath], chain[:, 0], chain[:, 1])))
+        raise ValueError("no foam is beneath the impactor")
+    x, y, reach = x[beneath], y[beneath], reach[beneath]
+    # a disc that reaches less far than its point is touched a little later than this
+    heights = [y - np.interp(x, chain[:, 0], chain[:, 1]) + np.minimum(reach, 0.0)]
+    disc = np.flatnonzero(reach > 0.0)
+    x, y, reach = x[disc], y[disc], reach[disc]
+    for corner_x, corner_y in chain:
+        over = reach**2 - (x - corner_x) ** 2
+        heights.append((y + np.sqrt(np.maximum(over, 0.0)) - corner_y)[over > 0.0])
+    for start, end in pairwise(chain):
+        along, up = (end - start) / np.hypot(*(end - start))
+        touched = x - up * reach  # where the disc touches the face
+        under = (start[0] <= touched) & (touched <= end[0])
+        if along > 0.0:
+            heights.append(((y - start[1]) - (up * (x - start[0]) - reach) / along)[under])
+    return float(max(each.max(initial=-np.inf) for each in heights))
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from taichi_foam.analysis.impact import (
 )
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Impactor
+from taichi_foam.scene.filling import filling, reaches
 from taichi_foam.scene.motion import width_under
 from taichi_foam.units import STANDARD_GRAVITY
 
@@ -300,14 +301,15 @@ def rest_height(record: Record) -> float | None:
         return None
     last, block = record.snapshots[-1], record.scene.block
     try:
-        return height_beneath(last.position, impactor, hangs_on(last, block))
+        left = reaches(filling(block), last.e_min_a, last.e_min_b)
+        return height_beneath(last.position, impactor, left, hangs_on(last, block))
     except ValueError:
         return None
 
 
 def max_strain(record: Record) -> float | None:
     """Largest compression of the fresh block under the impactor's lowest point, over its thickness
-    from the first to the last row of mass points.
+    from the first row of mass points to the height of first contact.
 
     None for a drop that began above the fresh block, over thrown-up foam.
     """

@@ -1,4 +1,7 @@
-"""Contact of mass points with the impactor and the floor or support, and between pieces."""
+"""Contact of mass points with the impactor and the floor or support, and between pieces.
+
+At the edges of a block that its lattice does not follow, foam reaches beyond its mass points.
+"""
 
 from taichi_foam.backend import ti
 from taichi_foam.engine import bonds, lanes, makeup, turning
@@ -44,32 +47,44 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
     Because of the margin, a node that has just left them is visited once more, so that its friction
     springs go slack.
     """
-    above = y > lattice.state.body[b].trial_y - p.skin
-    beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + p.skin
+    to_impactor, to_base = _margins(lattice, b, i, k, p)
+    above = y > lattice.state.body[b].trial_y - to_impactor
+    beside = ti.abs(x - p.impactor_x) < p.impactor_half_width + to_impactor
     near = above & beside
     if ti.static(lattice.features.turns):
-        near = turning.is_near(lattice, b, x, y, p)
-    may = near | (y < 0.5 * p.cell.y + p.skin)
+        near = turning.is_near(lattice, b, x, y, to_impactor, p)
+    may = near | (y < to_base)
     if ti.static(lattice.features.supported):
-        may = near | _is_near_support(x, y, p)
-        if ti.static(lattice.features.shaped):
-            may &= makeup.mobility(lattice, b, i, k).y > 0.0
-    elif ti.static(lattice.features.shaped):  # any mass point may be held, and has its own reach
-        low = y < lattice.model.filling[b, makeup.column(lattice, i), k].reach + p.skin
-        may = (near | low) & (makeup.mobility(lattice, b, i, k).y > 0.0)
-    elif p.hold_y and k == 0:
-        # the held row is part of the support and does not touch the impactor
-        may[0] = 0
+        may = near | _is_near_support(x, y, to_base, p)
+    if ti.static(lattice.features.shaped):  # any mass point may be held
+        may &= makeup.mobility(lattice, b, i, k).y > 0.0
+    elif ti.static(not lattice.features.supported):  # noqa: SIM102 - the static test stands alone
+        if p.hold_y and k == 0:
+            # the held row is part of the support and does not touch the impactor
+            may[0] = 0
     return lanes.any_of(may)
 
 
 @ti.func
-def _is_near_support(x, y, p: ti.template()):
-    """Whether a pack's points lie in the box around the support's outline, or within reach of it.
+def _margins(lattice: ti.template(), b, i, k, p: ti.template()):
+    """Distances [m] within which a pack's nodes may touch the impactor, and the floor or support.
 
-    A mass point's reach is at most half the longer side of its cell.
+    They are what `touch_bodies` and `_stand` allow, and the skin.
     """
-    margin = 0.5 * p.cell.max() + p.skin
+    to_impactor, to_base = lanes.zeros(lattice) + p.skin, lanes.zeros(lattice) + p.skin
+    if ti.static(lattice.features.shaped):
+        filled = lattice.model.filling[b, makeup.column(lattice, i), k]
+        to_base += filled.reach
+        if ti.static(lattice.features.edged):
+            to_impactor += filled.edge
+    else:
+        to_base += 0.5 * (p.cell.max() if ti.static(lattice.features.supported) else p.cell.y)
+    return to_impactor, to_base
+
+
+@ti.func
+def _is_near_support(x, y, margin, p: ti.template()):
+    """Whether a pack's points lie in the box around the support's outline, or that near to it."""
     beside = (x > p.support_low.x - margin) & (x < p.support_high.x + margin)
     return beside & (y > p.support_low.y - margin) & (y < p.support_high.y + margin)
 
@@ -122,19 +137,22 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
         if ti.static(lattice.features.turns):
             point = vec2(turning.in_body(lattice, b, now.x, now.y, p))
             arm = vec2(turning.arm_to(lattice, b, now.x, now.y, p))
-        if point.y > 0.0 and ti.abs(point.x) < p.impactor_half_width:
+        edge = makeup.edge(lattice, b, i, j)
+        if point.y > -edge and ti.abs(point.x) < p.impactor_half_width + edge:
             found = lattice.features.distance(
                 lattice.model.surface, b, ti.cast(p.surface_rows, ti.i32), point
             )
-            if found[0] < 0.0:
-                normal = found.yz
-                if ti.static(lattice.features.turns):
-                    normal = turning.turned(lattice, b, normal)
+            gap, normal = found[0], found.yz
+            if ti.static(lattice.features.turns):
+                normal = turning.turned(lattice, b, normal)
+            if ti.static(lattice.features.edged):
+                gap -= _reach(lattice, b, i, j, edge)
+            if gap < 0.0:
                 tangent = vec2(-normal.y, normal.x)
                 relative = vec2(speed.x, speed.y - body.trial_v)
                 if ti.static(lattice.features.turns):
                     relative = speed - turning.velocity_of(lattice, b, arm)
-                spring = contact_law.normal_force(stiffness, found[0])
+                spring = contact_law.normal_force(stiffness, gap)
                 press = contact_law.damped_force(
                     spring, p.contact_dashpot * stiffness, relative.dot(normal)
                 )
@@ -158,7 +176,7 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 lattice.scratch.contact_force[b, strip] = lattice.scratch.contact_force[
                     b, strip
                 ] - (pressing.y + rubbing.y)
-                lattice.state.overlap[b, strip] = ti.max(lattice.state.overlap[b, strip], -found[0])
+                lattice.state.overlap[b, strip] = ti.max(lattice.state.overlap[b, strip], -gap)
                 force += pressing + rubbing
         standing, stretch, stored = _stand(lattice, b, i, j, stage, now, stiffness, p)
         on_floor = stretch
@@ -243,6 +261,17 @@ def _least_width(lattice: ti.template(), b, i, j) -> ti.f64:
     """The worst strain of a node's bonds A."""
     bond_a = ti.static(lattice.state.bond_a)
     return ti.min(_worst(bond_a, lattice, b, i, j), _worst(bond_a, lattice, b, i - 1, j))
+
+
+@ti.func
+def _reach(lattice: ti.template(), b, i, j, edge) -> ti.f64:
+    """How far [m] the foam of a mass point reaches beyond it to a body; `edge` before any crush.
+
+    It is the same in all directions, so that contact has a potential, and only ever falls: what
+    grew without motion would make energy. So a point in front of the foam stays there.
+    """
+    worst = ti.min(_least_height(lattice, b, i, j), _least_width(lattice, b, i, j))
+    return edge + ti.max(edge, 0.0) * worst
 
 
 @ti.func

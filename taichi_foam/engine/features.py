@@ -31,6 +31,7 @@ class Features:
     shear_yields   shear and crush have one yield surface (Model.shear_yield)
     shaped         mass points and faces differ from those of a plain block
     alike          columns of such a block are identical and stored once, see `Filling.is_alike`
+    edged          its foam reaches beyond mass points, or less far, see `Filling.edge`
     foams          number of foams of the bonds
     turns          the impactor moves and turns in the plane
     shaken         a pulse accelerates the base
@@ -49,6 +50,7 @@ class Features:
     shear_yields: bool
     shaped: bool
     alike: bool
+    edged: bool
     foams: int
     turns: bool
     shaken: bool
@@ -66,9 +68,12 @@ def features_of(scene: Scene) -> Features:
     law, faces = scene.foam.law_for(model), model.shear == "face"
     filled = filling(scene.block)
     shaped = not _is_plain(scene.block, filled)
+    edged = filled.has_edges
     return Features(
         law=law,
-        distance=edges.distance_of(scene.impactor) if scene.impactor else Impactor.distance,
+        distance=(
+            edges.distance_of(scene.impactor, edged) if scene.impactor else Impactor.distance
+        ),
         scattered=scene.foam.strength_scatter > 0.0,
         softens=any(
             each.tail > 1.0 for foam in foams for pair in limits(foam, scene.block) for each in pair
@@ -81,6 +86,7 @@ def features_of(scene: Scene) -> Features:
         shear_yields=model.shear_yield and law.yields_in_shear and not faces,
         shaped=shaped,
         alike=shaped and filled.is_alike,
+        edged=edged,
         foams=len(foams),
         turns=scene.turns,
         shaken=scene.base.shaking is not None,

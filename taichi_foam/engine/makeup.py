@@ -114,6 +114,15 @@ def reach(lattice: ti.template(), b, i, j) -> ti.f64:
 
 
 @ti.func
+def edge(lattice: ti.template(), b, i, j) -> ti.f64:
+    """How far foam reaches beyond a mass point to a body that touches it [m], uncrushed."""
+    found = 0.0
+    if ti.static(lattice.features.edged):
+        found = _value(lattice, lattice.model.filling.edge, b, i, j)
+    return found
+
+
+@ti.func
 def shares_of_points(lattice: ti.template(), b, i, k):
     """`share` of a pack's mass points."""
     found = lanes.zeros(lattice) + 1.0

@@ -131,7 +131,7 @@ def parameters_type(law: type[BondLaw]) -> Any:
     return ti.types.struct(**foam_type(law).members, **MEMBERS)
 
 
-FILLING = ("mass", "face_a", "face_b", "share", "cell", "reach")
+FILLING = ("mass", "face_a", "face_b", "share", "cell", "reach", "edge")
 """Values of the mass points of a shaped block, by the names of `Filling`."""
 
 
@@ -257,8 +257,8 @@ class ModelFields:
                 is held, and gravity [m/s2]; in a shaped block (batch, I, packs), per node
     filling     (batch, I, packs) of a shaped block: mass of each mass point [kg], shares of the
                 faces of bonds A and B, share of its cell, share of the lattice cell to the right
-                of and above it, and distance of the foam's face [m]; I is 1 if columns are
-                identical, see `makeup.column`
+                of and above it, distance of the foam's face [m], and how far the foam reaches to a
+                body [m]; I is 1 if columns are identical, see `makeup.column`
     foams       (batch, foams) records of `foam_type`, if there are several
     graded      (batch, 2 * packs) the same in packs by row, for bonds A, then for bonds B
     foam_of_row (batch, 2 * rows) index in `foams` for bonds A, then bonds B of each row
@@ -430,7 +430,8 @@ def _surface(scene: Scene) -> NDArray[np.float64]:
     """The impactor's surface (n, 3), see `laws.shape.edges.surface_of`."""
     if scene.impactor is None:
         return np.zeros((1, 3))
-    return surface_of(scene.impactor, min(scene.block.dx, scene.block.dy))
+    cell = min(scene.block.dx, scene.block.dy)
+    return surface_of(scene.impactor, cell, filling(scene.block).has_edges)
 
 
 def _hull(scene: Scene) -> Array:
@@ -514,6 +515,7 @@ def _swing(scene: Scene, contact: float) -> float:
 
 def _touching(block: Block, width: float, depth: float) -> int:
     """Most mass points that a body of this width touches, with flanks of this depth [m]."""
+    width += 2 * float(filling(block).edge.max())
     across = min(block.columns, math.floor(width / block.dx) + 1)
     flanks = 2 * min(block.rows, math.ceil(depth / block.dy))
     return max(across, flanks)

@@ -30,7 +30,7 @@ from taichi_foam.records.cushion import (
 from taichi_foam.records.history import BOOKED
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
-from taichi_foam.scene.filling import Filling, filling
+from taichi_foam.scene.filling import Filling, filling, reaches
 
 Array = NDArray[np.float64]
 
@@ -376,7 +376,9 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
     stretch[..., 1] = cushion.floor_stretch
     body = dict(start.body)
     if scene.impactor is not None:
-        body["y"] = height_beneath(cushion.position, scene.impactor, filling(scene.block).there)
+        filled = filling(scene.block)
+        left = reaches(filled, cushion.worst_a, cushion.worst_b)
+        body["y"] = height_beneath(cushion.position, scene.impactor, left, filled.there)
         body["y"] += scene.impactor.gap
     work = np.zeros((1, WORKS))
     work[0, HELD_AFTER] = cushion.held

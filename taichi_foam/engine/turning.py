@@ -39,11 +39,11 @@ def turned(lattice: ti.template(), b, along: vec2) -> vec2:
 
 
 @ti.func
-def is_near(lattice: ti.template(), b, x, y, p: ti.template()):
-    """Whether a pack's points lie in the box around the body, or within the skin beside it."""
+def is_near(lattice: ti.template(), b, x, y, margin, p: ti.template()):
+    """Whether a pack's points lie in the box around the body, or that near to it."""
     across, up = in_body(lattice, b, x, y, p)
-    beside = ti.abs(across) < p.impactor_half_width + p.skin
-    return beside & (up > -p.skin) & (up < p.impactor_height + p.skin)
+    beside = ti.abs(across) < p.impactor_half_width + margin
+    return beside & (up > -margin) & (up < p.impactor_height + margin)
 
 
 @ti.func

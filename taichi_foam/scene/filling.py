@@ -41,6 +41,8 @@ class Filling:
     reach   (I, J) distance from a mass point to the foam's nearest face [m], negative if the point
             is outside the foam; inside the block, and at the sides of a rectangle, half a cell,
             sqrt(dX dY) / 2
+    edge    (I, J) how far foam reaches beyond a mass point to a body that touches it [m]: the same
+            distance beside the outline, 0 elsewhere and in a rectangle
     share   (I, J) share of each cell's area that is foam
     cell    (I-1, J-1) foam of the lattice cell between four mass points over a whole cell's,
             including foam beside it that no other cell carries; 0: a side has no bond
@@ -53,6 +55,7 @@ class Filling:
     face_a: Array
     face_b: Array
     reach: Array
+    edge: Array
     share: Array
     cell: Array
     on_base: NDArray[np.bool_]
@@ -76,9 +79,14 @@ class Filling:
     @cached_property
     def is_alike(self) -> bool:
         """Whether all columns of mass points are identical."""
-        arrays = (self.mass, self.share, self.reach, self.on_base)
+        arrays = (self.mass, self.share, self.reach, self.edge, self.on_base)
         arrays += (self.face_a, self.face_b, self.cell)
         return all(bool(np.all(array == array[:1])) for array in arrays)
+
+    @property
+    def has_edges(self) -> bool:
+        """Whether bodies touch foam at its edge, beyond or behind mass points."""
+        return bool(self.edge.any())
 
     @property
     def is_full(self) -> bool:
@@ -97,6 +105,22 @@ def _kept(block: Block) -> Filling:
     if {*block.corners} == {*block.frame} and not block.holes and block.lattice_angle_deg == 0:
         return _rectangle(block)
     return _cut(block, in_cells(block))
+
+
+def reaches(filled: Filling, worst_a: Array, worst_b: Array) -> Array:
+    """How far [m] foam still reaches beyond its mass points (I, J).
+
+    It is `Filling.edge`, shortened by the worst strain of the node's bonds (`worst_a` (I-1, J),
+    `worst_b` (I, J-1)), unless the point is in front of the foam.
+    """
+    worst = np.zeros(filled.edge.shape)
+    for ends, strain in (
+        ((np.s_[:-1], np.s_[1:]), worst_a),
+        ((np.s_[:, :-1], np.s_[:, 1:]), worst_b),
+    ):
+        for end in ends:
+            worst[end] = np.minimum(worst[end], strain)
+    return filled.edge + np.maximum(filled.edge, 0.0) * worst
 
 
 def in_cells(block: Block) -> Polygon:
@@ -129,6 +153,7 @@ def _rectangle(block: Block) -> Filling:
         face_a=share[1:],
         face_b=np.broadcast_to(1.0, (columns, rows - 1)),
         reach=np.broadcast_to(reach, (columns, rows)),
+        edge=np.broadcast_to(0.0, (columns, rows)),
         share=share,
         cell=np.broadcast_to(1.0, (columns - 1, rows - 1)),
         on_base=np.broadcast_to(np.arange(rows) == 0, (columns, rows)),
@@ -166,7 +191,7 @@ def _cut(block: Block, shape: Polygon) -> Filling:
         mass=mass,
         face_a=face_a,
         face_b=face_b,
-        reach=_reach(block, edge, there, share >= 1.0),
+        **_distances(block, edge, there, share >= 1.0 - outlines.TOLERANCE),
         share=share,
         cell=cell,
         on_base=on_base,
@@ -303,8 +328,10 @@ def _signed_distance(block: Block) -> Array:
     return np.where(shapely.covers(whole, points), away, -away)
 
 
-def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np.bool_]) -> Array:
-    """`Filling.reach`; `edge` is the distance from the outline [m]."""
+def _distances(
+    block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np.bool_]
+) -> dict[str, Array]:
+    """`reach` and `edge` of a `Filling`, from the distance `edge` from the outline [m]."""
     for half in (0.5 * block.dx, 0.5 * block.dy):
         whole = np.round(edge / half) * half
         edge = np.where(np.abs(edge - whole) < outlines.TOLERANCE * half, whole, edge)
@@ -312,7 +339,11 @@ def _reach(block: Block, edge: Array, there: NDArray[np.bool_], full: NDArray[np
     inside = full & np.logical_and.reduce(
         [around[2:, 1:-1], around[:-2, 1:-1], around[1:-1, 2:], around[1:-1, :-2]]
     )
-    return np.where(inside, 0.5 * np.sqrt(block.dx * block.dy), edge)
+    at_edge = there & ~inside & ~full.all()  # if foam fills all cells, it is a rectangle
+    return {
+        "reach": np.where(inside, 0.5 * np.sqrt(block.dx * block.dy), edge),
+        "edge": np.where(at_edge, edge, 0.0),
+    }
 
 
 def problems(block: Block) -> list[str]:

@@ -188,16 +188,14 @@ class Scene(Part):
     def contact_height(self) -> float:
         """Height of the impactor's lowest point at first contact [m].
 
-        The height of the top row; for a block with an outline, that of the highest mass point
-        under the impactor.
+        The height of the top row; for a block with an outline, that of the highest foam under the
+        impactor, which reaches to the outline.
         """
         filled = filling.filling(self.block)
         if filled.is_full:  # the same height, exactly
             return self.block.height - self.block.dy / 2
-        X = self.block.positions[filled.there]
-        if self.impactor is not None:
-            X = X[_between(X[:, 0], *motion.ends_of(self.impactor))]
-        return float(X[:, 1].max(initial=0.0))
+        ends = motion.ends_of(self.impactor) if self.impactor else (-math.inf, math.inf)
+        return _top(self.block, self.block.positions[filled.there], *ends)
 
 
 def _rebuild() -> None:
@@ -341,12 +339,13 @@ def _problems_of_contact(scene: Scene) -> list[str]:
     if impactor is None:
         return []
     points = _starting_points(scene)
-    left, right = points[:, 0].min(), points[:, 0].max()
+    edge = 0.0 if scene.block.is_rectangle else _edges(scene.block)
+    left, right = (points[:, 0] - edge).min(), (points[:, 0] + edge).max()
     low, high = _ends_at_arrival(scene, impactor)
     if high <= left or low >= right:
         return [
             f"impactor.x = {impactor.x:g}: never touches the block; the impactor spans "
-            f"{low:.4g} to {high:.4g} m, the block's mass points {left:.4g} to {right:.4g} m; "
+            f"{low:.4g} to {high:.4g} m, the block's foam {left:.4g} to {right:.4g} m; "
             "bring impactor.x nearer to 0"
         ]
     if scene.start.is_at_rest and not _meets_a_column(scene, points[:, 0], low, high):
@@ -355,8 +354,7 @@ def _problems_of_contact(scene: Scene) -> list[str]:
             f"width it passes between two columns of mass points {scene.block.dx:.4g} m apart; use "
             "more block.columns or a wider impactor"
         ]
-    under = points if scene.block.is_rectangle else points[_between(points[:, 0], low, high)]
-    above = scene.contact_height + impactor.gap - under[:, 1].max(initial=0.0)
+    above = scene.contact_height + impactor.gap - _top(scene.block, points, low, high)
     if above < -1e-9 * scene.block.height:
         return [
             f"impactor.gap = {impactor.gap:g}: the impactor starts inside the block, whose top "
@@ -423,8 +421,27 @@ def _starting_points(scene: Scene) -> np.ndarray:
     return origin + (X - origin) @ np.array(scene.start.deformation_gradient).T
 
 
-def _between(x: np.ndarray, low: float, high: float) -> np.ndarray:
-    return (x > low) & (x < high)
+def _top(block: Block, points: np.ndarray, low: float, high: float) -> float:
+    """Height [m] to which the foam of the mass points at `points` (n, 2) reaches between two x [m].
+
+    A rectangle has only its corner points.
+    """
+    if block.is_rectangle:
+        return float(points[:, 1].max())
+    top = points[:, 1] + _edges(block)
+    return float(top[_is_between(block, points[:, 0], low, high)].max(initial=0.0))
+
+
+def _edges(block: Block) -> np.ndarray:
+    """`Filling.edge` of the mass points (n,) [m]."""
+    filled = filling.filling(block)
+    return filled.edge[filled.there]
+
+
+def _is_between(block: Block, x: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Which mass points at x (n,) [m] have foam strictly between two positions."""
+    edge = _edges(block)
+    return (x > low - edge) & (x < high + edge)
 
 
 def _meets_a_column(scene: Scene, x: np.ndarray, low: float, high: float) -> bool:
@@ -434,7 +451,7 @@ def _meets_a_column(scene: Scene, x: np.ndarray, low: float, high: float) -> boo
     """
     block = scene.block
     if not block.is_rectangle:
-        return bool(_between(x, low, high).any())
+        return bool(_is_between(block, x, low, high).any())
     first = math.floor(low / block.dx + (block.columns - 1) / 2) + 1
     position = (max(first, 0) - (block.columns - 1) / 2) * block.dx
     return position < high

@@ -53,7 +53,7 @@ def surface_of_all() -> ti.MatrixField:
 
 def at(body: Impactor, points: np.ndarray) -> np.ndarray:
     """Signed distance [m] and normal (n, 3) at points about the body's reference point."""
-    rows, found = edges.surface_of(body, CELL), np.zeros((len(points), 3))
+    rows, found = edges.surface_of(body, CELL, True), np.zeros((len(points), 3))
     distances(rows, points, found, surface_of_all())
     return found
 
@@ -82,10 +82,10 @@ def drawn(body: Impactor) -> shapely.Polygon:
 
 @pytest.mark.parametrize("name", BODIES)
 def test_the_distance_is_that_of_the_rounded_outline(name: str) -> None:
-    """Within it, and beyond its arcs up to the sharp corners: nothing touches there."""
+    """Within it, beyond its arcs up to the sharp corners, and up to a cell outside."""
     body = BODIES[name]
     shape, sharp = drawn(body), shapely.Polygon(body.outline())
-    low, high = np.array(sharp.bounds[:2]), np.array(sharp.bounds[2:])
+    low, high = np.array(sharp.bounds[:2]) - CELL, np.array(sharp.bounds[2:]) + CELL
     chance = np.random.default_rng(4)
     anywhere = low + (high - low) * chance.random((4000, 2))
     near = [corner + REACH * (chance.random((200, 2)) - 0.5) for corner in body.outline()]
@@ -95,12 +95,11 @@ def test_the_distance_is_that_of_the_rounded_outline(name: str) -> None:
     np.testing.assert_array_equal(found[:, 0] < 0, within)
     assert within.sum() > 1000
     assert (shapely.contains_xy(sharp, *points.T) & ~within).sum() > 20
-    points, found = points[within], found[within]
     ways = shapely.shortest_line(shapely.points(points), shape.exterior)
     nearest = shapely.get_coordinates(ways).reshape(-1, 2, 2)[:, 1]
-    depth = np.linalg.norm(nearest - points, axis=1)
-    np.testing.assert_allclose(-found[:, 0], depth, rtol=0, atol=1e-9)
-    deep = depth > 1e-6
+    away = np.linalg.norm(nearest - points, axis=1)
+    np.testing.assert_allclose(np.abs(found[:, 0]), away, rtol=0, atol=1e-9)
+    deep = away > 1e-6
     reached = points - found[:, :1] * found[:, 1:]
     np.testing.assert_allclose(reached[deep], nearest[deep], rtol=1e-7, atol=2e-6)
 
@@ -141,9 +140,11 @@ def test_an_edge_takes_no_more_than_its_reach_and_leaves_half_of_each_face() -> 
 
 def test_only_cornered_bodies_without_rails_are_rounded() -> None:
     free, railed = FlatBlock(guided=False), FlatBlock()
-    assert edges.distance_of(free) is edges.rounded_distance
-    assert edges.distance_of(railed) is railed.distance
-    np.testing.assert_array_equal(edges.surface_of(railed, CELL), railed.surface())
+    for outside in (False, True):
+        assert edges.distance_of(free, outside) is edges.rounded_distance
+    assert edges.distance_of(railed, False) is railed.distance
+    assert edges.distance_of(railed, True) is edges.Edged.distance
+    np.testing.assert_array_equal(edges.surface_of(railed, CELL, False), railed.surface())
     circle = Cylinder(guided=False)
-    assert edges.distance_of(circle) is circle.distance
-    np.testing.assert_array_equal(edges.surface_of(circle, CELL), circle.surface())
+    assert edges.distance_of(circle, True) is circle.distance
+    np.testing.assert_array_equal(edges.surface_of(circle, CELL, True), circle.surface())

@@ -289,13 +289,13 @@ def test_it_is_written_and_read_back() -> None:
     assert moved.with_values({"block.outline": [], "block.holes": []}).block == Block(**SIZE)
 
 
-def test_the_impactor_starts_at_the_highest_mass_point_under_it() -> None:
-    """Beside a wall, not above it."""
+def test_the_impactor_starts_at_the_highest_foam_under_it() -> None:
+    """At the outline: beside a wall, not above it."""
     corner = [(-0.05, 0), (0.05, 0), (0.05, 0.02), (-0.02, 0.02), (-0.02, 0.05), (-0.05, 0.05)]
     block = Block(**SIZE, outline=corner)
     low = Scene(block=block, impactor=FlatBlock(width=0.05, x=0.015, velocity=3.0))
-    assert low.contact_height == pytest.approx(0.02 - block.dy / 2)
+    assert low.contact_height == pytest.approx(0.02)
     wide = Scene(block=block, impactor=FlatBlock(width=0.1, velocity=3.0))
-    assert wide.contact_height == pytest.approx(0.05 - block.dy / 2)
+    assert wide.contact_height == pytest.approx(0.05)
     with pytest.raises(ValueError, match="never touches the block"):
         Scene(block=block, impactor=FlatBlock(width=0.05, x=0.2, velocity=3.0))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from bench import assert_same_run, interrupt_at, small_scene
 
 import taichi_foam as tf
@@ -18,7 +19,17 @@ from taichi_foam.engine.state import state_after
 from taichi_foam.errors import UserError
 from taichi_foam.records.ending import Ending
 from taichi_foam.results.result import Result
-from taichi_foam.scene import Base, FlatBlock, Model, Numerics, Output, Wedge
+from taichi_foam.scene import (
+    Base,
+    Cylinder,
+    FlatBlock,
+    Impactor,
+    IShape,
+    Model,
+    Numerics,
+    Output,
+    Wedge,
+)
 from taichi_foam.simulation.simulate import resume, run, run_drops
 
 SAVED = Output(history_interval=5e-5, snapshot_interval=1e-3, film=False)
@@ -99,12 +110,39 @@ def test_the_impactor_starts_its_gap_above_the_block_as_it_lies(again: Result) -
 
 def test_height_beneath_a_plate_is_that_of_the_highest_point() -> None:
     position = np.array([[[-0.02, 0.5], [0.0, 0.3]], [[0.004, 0.4], [0.02, 0.9]]])
-    there = np.ones((2, 2), dtype=bool)
-    assert height_beneath(position, FlatBlock(width=0.02), there) == 0.4
+    there, none = np.ones((2, 2), dtype=bool), np.zeros((2, 2))
+    assert height_beneath(position, FlatBlock(width=0.02), none, there) == 0.4
     there[1, 0] = False
-    assert height_beneath(position, FlatBlock(width=0.02), there) == 0.3
+    assert height_beneath(position, FlatBlock(width=0.02), none, there) == 0.3
     with pytest.raises(ValueError, match="beneath"):
-        height_beneath(position, FlatBlock(width=0.02, x=1.0), there)
+        height_beneath(position, FlatBlock(width=0.02, x=1.0), none, there)
+
+
+@pytest.mark.parametrize(
+    "impactor",
+    [
+        FlatBlock(width=0.02),
+        FlatBlock(width=0.02, rotation_deg=30.0),
+        Wedge(angle_deg=60, shank_width=0.03),
+        Cylinder(radius=0.02),
+        IShape(width=0.05, height=0.05, flange=0.01, web=0.01),
+    ],
+    ids=lambda impactor: impactor.shape,
+)
+def test_height_beneath_an_impactor_that_touches_the_foam_around_a_point(
+    impactor: Impactor,
+) -> None:
+    """Foam reaches 3 mm around a point: at this height the outline is 3 mm away from it."""
+    there, reach = np.ones((1, 1), dtype=bool), np.full((1, 1), 0.003)
+    for x in (-0.009, 0.001, 0.011, 0.012):
+        point = np.array([[[x, 0.1]]])
+        height = height_beneath(point, impactor, reach, there)
+        outline = shapely.Polygon(impactor.outline_at(height))
+        assert outline.distance(shapely.Point(*point[0, 0])) == pytest.approx(0.003, rel=1e-9)
+    point = np.array([[[0.001, 0.1]]])  # and where it ends 3 mm before the point, or sooner
+    outline = shapely.Polygon(impactor.outline_at(height_beneath(point, impactor, -reach, there)))
+    assert outline.covers(shapely.Point(*point[0, 0]))
+    assert outline.exterior.distance(shapely.Point(*point[0, 0])) <= 0.003 + 1e-12
 
 
 def test_the_ledger_of_a_later_drop_closes(broken: Result, drops: list[Result]) -> None:

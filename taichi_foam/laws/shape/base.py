@@ -74,7 +74,7 @@ class Impactor(Part):
     gap: float = quantity(
         0.0,
         "m",
-        "clearance above the top row of mass points",
+        "clearance above the foam beneath it",
         at_least=0,
         at_most=10,
         fix="below 0 the impactor would start inside the block; "

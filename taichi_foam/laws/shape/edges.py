@@ -26,6 +26,7 @@ STRAIGHT = 0.01
 """A corner with a smaller turning angle [rad] needs no rounding."""
 
 vec2 = ti.types.vector(2, ti.f64)
+vec4 = ti.types.vector(4, ti.f64)
 
 
 class Edged(Impactor):
@@ -38,7 +39,13 @@ class Edged(Impactor):
     @staticmethod
     @ti.func
     def distance(surface: ti.template(), b, rows, point):
-        """Signed distance [m] to the nearest point of the outline, and the normal there.
+        """Signed distance [m] to the nearest point of the outline, and the normal there."""
+        return Edged.nearest(surface, b, rows, point)[:3]
+
+    @staticmethod
+    @ti.func
+    def nearest(surface: ti.template(), b, rows, point):
+        """The numbers of `distance`, and that of the nearest edge.
 
         Where a corner is nearest, the sum of its edges' normals tells inside from outside
         (Baerentzen & Aanaes 2005, IEEE TVCG 11:243). Positions along an edge are relative to its
@@ -81,7 +88,7 @@ class Edged(Impactor):
                 normal = side * away / length
         elif second >= 0:
             normal = 0.5 * (normal + surface[b, 2 * second + 1].xy)
-        return vec3(distance, normal.x, normal.y)
+        return vec4(distance, normal.x, normal.y, found_edge)
 
 
 def edges_of(outline: np.ndarray) -> np.ndarray:
@@ -103,25 +110,35 @@ def counter_clockwise(points: np.ndarray) -> np.ndarray:
     return points if geometry.area(points) > 0 else points[::-1]
 
 
-def distance_of(impactor: Impactor) -> Callable[..., Any]:
-    """The function for the distance from an impactor; see `Impactor.distance`."""
-    return rounded_distance if _is_rounded(impactor) else impactor.distance
+def distance_of(impactor: Impactor, outside: bool) -> Callable[..., Any]:
+    """The function for the distance from an impactor; see `Impactor.distance`.
+
+    `outside`: points outside the outline, too, get the distance to the nearest point of it.
+    """
+    if _is_rounded(impactor):
+        return rounded_distance
+    return Edged.distance if outside and _has_faces(impactor) else impactor.distance
 
 
-def surface_of(impactor: Impactor, cell: float) -> np.ndarray:
+def surface_of(impactor: Impactor, cell: float, outside: bool) -> np.ndarray:
     """Rows (n, 3) that `distance_of` reads; `cell` is the shorter side of a lattice cell [m]."""
     if not _is_rounded(impactor):
-        return impactor.surface()
+        by_edges = outside and _has_faces(impactor)
+        return edges_of(impactor.outline()) if by_edges else impactor.surface()
     outline = impactor.outline()
     rows = edges_of(outline)
     rows[1::2, 2] = radii(outline, EDGE_RADIUS * cell)
     return rows
 
 
+def _has_faces(impactor: Impactor) -> bool:
+    """Whether its distance follows from the straight faces of its outline."""
+    return impactor.distance in (Impactor.distance, Edged.distance) and not impactor.is_circle
+
+
 def _is_rounded(impactor: Impactor) -> bool:
     """Whether a body slides and turns, and its distance follows from its corners."""
-    cornered = impactor.distance in (Impactor.distance, Edged.distance)
-    return cornered and not impactor.guided and not impactor.is_circle
+    return _has_faces(impactor) and not impactor.guided
 
 
 def radii(outline: np.ndarray, reach: float) -> np.ndarray:
@@ -155,27 +172,26 @@ def rounded_distance(surface: ti.template(), b, rows, point):
     edges, and c the cosine between the normals, q = ((a - b c) n_1 + (b - a c) n_2) / (1 - c^2),
     which treats both edges alike.
     """
-    found = Edged.distance(surface, b, rows, point)
-    if found[0] < 0.0:
-        for edge in range(rows // 2):
-            radius = surface[b, 2 * edge + 1].z
-            if radius > 0.0:
-                before = (2 * edge - 2 + rows) % rows
-                one, two = surface[b, before + 1].xy, surface[b, 2 * edge + 1].xy
-                start, corner = surface[b, before].xy, surface[b, 2 * edge].xy
-                end = surface[b, (2 * edge + 2) % rows].xy
-                below_one = one.dot(point - 0.5 * (start + corner))
-                below_two = two.dot(point - 0.5 * (corner + end))
-                cosine = one.dot(two)
-                along_one, along_two = radius + below_one, radius + below_two
-                share_one = along_one - along_two * cosine
-                share_two = along_two - along_one * cosine
-                inside = below_one < 0.0 and below_two < 0.0
-                if inside and share_one > 0.0 and share_two > 0.0:
-                    squared_sine = 1.0 - cosine * cosine
-                    squared = (along_one * share_one + along_two * share_two) / squared_sine
-                    away = ti.sqrt(squared)
-                    if away - radius > found[0]:
-                        normal = (share_one * one + share_two * two) / (squared_sine * away)
-                        found = vec3(away - radius, normal.x, normal.y)
+    nearest = Edged.nearest(surface, b, rows, point)
+    found = nearest[:3]
+    for end in range(2):  # the corners of the nearest edge
+        edge = (ti.cast(nearest[3], ti.i32) + end) % (rows // 2)
+        radius = surface[b, 2 * edge + 1].z
+        if radius > 0.0:
+            before = (2 * edge - 2 + rows) % rows
+            one, two = surface[b, before + 1].xy, surface[b, 2 * edge + 1].xy
+            start, corner = surface[b, before].xy, surface[b, 2 * edge].xy
+            last = surface[b, (2 * edge + 2) % rows].xy
+            cosine = one.dot(two)
+            along_one = radius + one.dot(point - 0.5 * (start + corner))
+            along_two = radius + two.dot(point - 0.5 * (corner + last))
+            share_one = along_one - along_two * cosine
+            share_two = along_two - along_one * cosine
+            if share_one > 0.0 and share_two > 0.0:
+                squared_sine = 1.0 - cosine * cosine
+                squared = (along_one * share_one + along_two * share_two) / squared_sine
+                away = ti.sqrt(squared)
+                if away - radius > found[0]:
+                    normal = (share_one * one + share_two * two) / (squared_sine * away)
+                    found = vec3(away - radius, normal.x, normal.y)
     return found
