@@ -363,9 +363,9 @@ class Top(NamedTuple):
 def compression_curve(record: Record) -> tuple[Array, Array] | None:
     """Strain and stress [Pa] of a crosshead test, compression positive, from first contact on.
 
-    Nominal values: the face's displacement over the block's thickness between its first and last
-    row of mass points, and its force over the area of the block under it. None without a
-    crosshead.
+    Nominal values: the face's displacement over the block's thickness, from its first row of mass
+    points to the height of first contact, and its force over the area of the block under it. None
+    without a crosshead.
     """
     scene, history = record.scene, record.history
     impactor, block = scene.impactor, scene.block
