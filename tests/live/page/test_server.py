@@ -258,6 +258,7 @@ def test_nobody_is_slowed_by_those_who_never_read_or_never_stop_talking(
     ):
         other.wait_for("numbers", lambda message: message["state"] == "running")
         viewer.wait_for("picture")
+        before = len(viewer.pictures(2.0))
         deaf = [_deaf(served) for _ in range(5)]
         beside_deaf = _pictures_of_each(viewer, other)
         for line in deaf:
@@ -268,6 +269,7 @@ def test_nobody_is_slowed_by_those_who_never_read_or_never_stop_talking(
         beside_talking = _pictures_of_each(viewer, other)
         talkers[0].shutdown(socket.SHUT_RDWR)
         talking.join()
+    assert before >= 10
     for disturbed, in_peace in (beside_deaf, beside_talking):
         # a server that waits for the deaf, or hears one to the end, would send next to nothing
         assert disturbed > 0.5 * in_peace > 0
