@@ -21,10 +21,11 @@ from taichi_foam.engine.state import RUNNING
 
 # Mesa's software Vulkan silently ends all loops of a thread after MOST_ITERATIONS iterations in one
 # call. A step takes at most PER_TURN iterations each time the threads pass over the nodes (mostly
-# the search for partners in nine bins, twice, with up to a dozen nodes each), plus one for each
-# node and each thread where it fills the bins and counts neighbours.
+# the search for partners in nine bins, twice, with up to a dozen nodes each), PER_STEP in the trees
+# of its reductions, plus one for each node and each thread where it fills the bins and counts
+# neighbours.
 MOST_ITERATIONS = 65_535
-PER_TURN = 400
+PER_TURN, PER_STEP = 400, 80
 
 
 # One block per lattice.
@@ -118,7 +119,8 @@ def advance_blocks(lattice: Lattice, most_steps: int) -> None:
     most = max(most_steps, 1)
     if runtime.settings()["arch"] == "vulkan":
         turns = -(-lattice.size.nodes // THREADS)
-        most = max(1, MOST_ITERATIONS // (PER_TURN * turns + lattice.size.nodes + THREADS))
+        each = PER_TURN * turns + PER_STEP + lattice.size.nodes + THREADS
+        most = max(1, MOST_ITERATIONS // each)
     for taken in range(0, max(most_steps, 1), most):
         _advance_blocks(lattice, min(most, most_steps - taken))
 

@@ -34,8 +34,6 @@ from taichi_foam.engine.state import (
 )
 from taichi_foam.records.history import ENERGIES_NOW
 
-TREE = tuple(THREADS >> level for level in range(1, THREADS.bit_length()))  # 128, 64 ... 1
-
 vec3 = ti.types.vector(3, ti.f64)
 
 
@@ -47,8 +45,11 @@ def reduce(
     """Reduce `count` numbers per thread of a block to `values`, from member `first` on.
 
     Number `c` of thread `t` is in `shared[c * THREADS + t]`. The result is the sum, or the maximum.
+    The tree is a loop: with its levels written out, ten barriers a reduction, Mesa's software
+    Vulkan compiled the kernels four times as long.
     """
-    for half in ti.static(TREE):
+    half = THREADS // 2
+    while half > 0:
         ti.simt.block.sync()
         if t < half:
             for c in range(count):
@@ -57,6 +58,7 @@ def reduce(
                     shared[here] = shared[here] + shared[here + half]
                 else:
                     shared[here] = ti.max(shared[here], shared[here + half])
+        half //= 2
     ti.simt.block.sync()
     if t < count:
         values[b, block, first + t] = shared[t * THREADS]
