@@ -200,7 +200,8 @@ def page() -> str:
 
 def _choice_sets() -> Iterator[str]:
     """The keys that choice sets change, with each set's value beside the default."""
-    default = {key.key: key.default for key in keys(Scene)}
+    # of a key that several laws have, the default of the first: `[foam]` has that law by default
+    default = {key.key: key.default for key in reversed([*keys(Scene)])}
     rows = []
     for key in dict.fromkeys(key for chosen in CHOICE_SETS.values() for key in chosen):
         values = [written(chosen[key]) if key in chosen else "" for chosen in CHOICE_SETS.values()]
