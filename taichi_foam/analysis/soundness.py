@@ -131,8 +131,8 @@ def _of_residual(record: Record) -> str | None:
     if residual is None or not abs(residual) > RESIDUAL_LIMIT:
         return None
     return (
-        f"{abs(residual):.1%} of the impact energy is unaccounted for (at most 1 % is acceptable); "
-        f"{_cure(record)}"
+        f"{abs(residual):.1%} of the impact energy is unaccounted for (at most "
+        f"{100 * RESIDUAL_LIMIT:g} % is acceptable); {_cure(record)}"
     )
 
 

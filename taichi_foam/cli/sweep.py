@@ -255,7 +255,8 @@ def _estimate(found: Estimate, workers: int | None, threads: int | None) -> Tabl
 
 def _say(terminal: Terminal, found: Sweep, standing: Standing, at_work: bool = False) -> None:
     """Print the progress of a sweep."""
-    parts = [f"{standing.done:,} of {standing.drops:,} drops"]
+    each = found.plan.impacts
+    parts = [f"{each * standing.done:,} of {each * standing.members:,} drops"]
     if standing.failed:
         parts.append(f"{standing.failed:,} failed (see the column failure)")
     if standing.lost:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -238,7 +237,7 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     if not path.is_file():
         return None
     try:
-        arrays = _read_arrays(path, shapes_of(Cushion, scene), absent=_absent(Cushion))
+        arrays = _read_arrays(path, shapes_of(Cushion, scene), _absent(Cushion))
         return Cushion.from_arrays(arrays)
     except KeyError:
         return None
@@ -276,7 +275,7 @@ def _write_snapshots(result: Result, path: Path) -> None:
 
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
-    arrays = _read_arrays(path, shapes(scene), "time", _absent(Snapshot))
+    arrays = _read_arrays(path, shapes(scene), _absent(Snapshot), "time")
     return [
         snapshot_of(dict(zip(arrays, values, strict=True)))
         for values in zip(*arrays.values(), strict=True)
@@ -286,8 +285,8 @@ def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
 def _read_arrays(
     path: Path,
     shapes: Mapping[str, tuple[int, ...]],
+    absent: Mapping[str, float | None],
     series: str | None = None,
-    absent: Mapping[str, float | None] = MappingProxyType({}),
 ) -> dict[str, NDArray[Any]]:
     """Arrays of numbers from an .npz; their first axis is as long as the array `series`, if given.
 

@@ -147,7 +147,7 @@ def room(design: Design) -> Estimate:
     # upper estimate of the number of chunks: that on one core, if they never grow
     first = Dealer(design, [range(len(design))]).next() or range(1)
     size += _ROW * len(design) * plan.impacts + _SHARD * math.ceil(len(design) / len(first))
-    return Estimate(len(design), int(size))
+    return Estimate(len(design) * plan.impacts, int(size))
 
 
 def trial(design: Design, solve: Solve, on_drop: Callable[[], None]) -> Estimate:

@@ -92,9 +92,9 @@ def sweep(
                 found.collect()
             if not isinstance(error, KeyboardInterrupt):
                 raise
-            done, drops = found.standing.done, found.standing.drops
+            done, of = checked.impacts * found.standing.done, checked.impacts * len(found.design)
             raise KeyboardInterrupt(
-                f"{done:,} of {drops:,} drops are in {folder}; the same command continues"
+                f"{done:,} of {of:,} drops are in {folder}; the same command continues"
             ) from None
         found.forget_lost()
         if pending or not (folder / table.PARQUET).is_file():
@@ -130,12 +130,10 @@ def prepare(
     return folder, checked
 
 
-def tried(
-    plan: Plan, arch: str = "cpu", threads: int | None = None, bars: Bars | None = None
-) -> Estimate:
+def tried(plan: Plan, arch: str, threads: int | None, bars: Bars) -> Estimate:
     """Estimate the cost of a sweep from a short trial in this process. Raises UserError."""
     runtime.start(arch, threads)
-    with (bars or Bars()).counting("trial", "trial", dealing.TRIED, "drops") as advance:
+    with bars.counting("trial", "trial", dealing.TRIED, "drops") as advance:
         solve = partial(simulate.simulate_many, arch=arch, threads=threads)
         return dealing.trial(Design.of(plan), solve, advance)
 

@@ -59,14 +59,14 @@ _TELLING = ("energy_residual", "max_displacement_m", "peak_deceleration_m_s2")
 class Standing:
     """The progress of a sweep.
 
-    drops    number of drops in the whole plan
-    done     drops that have a row
-    failed   drops among these that failed: diverged, or their values make an invalid scene
-    lost     drops whose chunk could not be computed; the same command tries them again
+    members  number of members of the plan; each is one drop, or several on one block
+    done     members that have a row
+    failed   members among these that failed: diverged, or their values make an invalid scene
+    lost     members whose chunk could not be computed; the same command tries them again
     at_work  whether a process is computing the sweep now
     """
 
-    drops: int
+    members: int
     done: int
     failed: int
     lost: int
@@ -228,7 +228,7 @@ class Sweep:
         """The progress of the sweep."""
         failures = table.read(self.shards(), ["failure"])
         return Standing(
-            drops=len(self.design),
+            members=len(self.design),
             done=len(failures),
             failed=len(failures) - failures["failure"].null_count if len(failures) else 0,
             lost=sum(map(len, self.lost())),

@@ -61,7 +61,7 @@ def row_without_scene(design: Design, number: int, reason: str) -> dict[str, Any
 
 
 def add_impact(
-    row: dict[str, Any], drop: int, result: Result, wanted: Sequence[str] | None = None
+    row: dict[str, Any], drop: int, result: Result, wanted: Sequence[str] | None
 ) -> None:
     """Add an impact on a member's block to its row, with the `wanted` measures; None: all.
 

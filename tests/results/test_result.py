@@ -18,7 +18,7 @@ from taichi_foam.analysis import measures
 from taichi_foam.errors import UserError
 from taichi_foam.picture.figures import ledger_layers
 from taichi_foam.records.cushion import Cushion, shapes_of
-from taichi_foam.records.history import HISTORY_COLUMNS
+from taichi_foam.records.history import COLUMNS, HISTORY_COLUMNS
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import write_json
 from taichi_foam.results.manifest import Manifest
@@ -41,7 +41,7 @@ def noisy_result(make_result, make_snapshot, columns: int = 7, rows: int = 5) ->
     values = {name: rng.standard_normal(50) / 3 for name in HISTORY_COLUMNS[1:]}
     # Not below the smallest normal number: Taichi has its process flush such numbers to zero.
     values["strain_J"][:5] = [math.nan, -0.0, np.finfo(float).tiny, 1.7e308, 1 / 3]
-    values["broken_bonds"] = np.arange(50.0)
+    values |= {name: np.arange(50.0) for name, told in COLUMNS.items() if told.is_integer}
     snapshots = []
     for n in range(3):
         broken = [(i, j) for i in range(columns - 1) for j in range(rows) if (i + j + n) % 3 == 0]

@@ -4,9 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 import taichi_foam as tf
 from taichi_foam.scene import Block, FlatBlock, Output, Scene
+from taichi_foam.sweeps import dealing
+from taichi_foam.sweeps.plan import Plan
+from taichi_foam.sweeps.sampling import Design
 
 SCENE = Scene(
     name="pad",
@@ -39,3 +43,18 @@ def test_impacts_in_a_row_are_those_of_run_drops(tmp_path: Path) -> None:
         np.testing.assert_array_equal(history["contact_force_N"], result.history["contact_force_N"])
     second, third = (float(table[f"drop_{n}_contact_height_m"][1]) for n in (2, 3))
     assert third < second < 0.05
+
+
+def test_progress_and_cost_count_every_impact(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An interrupted sweep says so in the drops that its bar has counted."""
+    plan = {"scene": SCENE, "axes": [{"key": "impactor.mass", "values": [0.6, 0.8]}], "drops": 3}
+    assert dealing.room(Design.of(Plan.load(plan))).drops == 6
+
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("taichi_foam.sweeps.run.compute", stop)
+    with pytest.raises(KeyboardInterrupt, match="0 of 6 drops are in"):
+        tf.sweep(plan, tmp_path / "s", threads=2)
