@@ -21,7 +21,7 @@ from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.results import manifest
-from taichi_foam.results.files import file_name, next_numbered
+from taichi_foam.results.files import drop_name, file_name, next_numbered
 from taichi_foam.results.folders import Claim, claimed, size_text
 from taichi_foam.results.result import Result, request_of, storage_bytes, write_drops
 from taichi_foam.scene import Scene, block
@@ -130,8 +130,6 @@ class _Work:
 
     def place(self, folder: str | Path, result: Result) -> str:
         """The folder of a result."""
-        from taichi_foam.simulation.simulate import drop_name
-
         return os.path.join(folder, drop_name(result.drop)) if self.is_series else str(folder)
 
     def write(self, results: Sequence[Result], folder: Path) -> None:

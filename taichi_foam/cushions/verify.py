@@ -14,9 +14,10 @@ from pathlib import Path
 from taichi_foam.analysis.bands import Band, band
 from taichi_foam.cushions.scenes import cushion_scene
 from taichi_foam.cushions.sizing import Pad
+from taichi_foam.results.files import drop_name
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.simulation.simulate import Progress, drop_name, simulate_many
+from taichi_foam.simulation.simulate import Progress, simulate_many
 from taichi_foam.sweeps.sampling import factors, seed_of
 
 WITHIN = 0.005

@@ -63,9 +63,8 @@ _PNG_BYTES, _FILM_BYTES = 0.3, 0.05
 def storage_bytes(scene: Scene) -> int:
     """Upper bound on the size of a run's pictures (bytes)."""
     output = scene.output
-    frames = scene.numerics.latest_end / output.snapshot_interval + 2
     each = _PNG_BYTES * output.frames + _FILM_BYTES * output.film
-    return int(frames * output.width * output.height * each)
+    return int(scene.most_snapshots * output.width * output.height * each)
 
 
 @dataclass(frozen=True)

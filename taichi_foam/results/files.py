@@ -19,6 +19,11 @@ LEFTOVER = re.compile(r"\..+\.[0-9a-f]{8}\.partial(\..+)?$")
 """Names from `partial_name`; such a file, if it remains, is left by a killed process."""
 
 
+def drop_name(number: int) -> str:
+    """Name of the folder of a drop in a series, counted from 1."""
+    return f"drop-{number}"
+
+
 def partial_name(path: Path) -> Path:
     """A name beside `path` for a file that is incomplete, or about to be removed."""
     return path.with_name(f".{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}")

@@ -24,7 +24,7 @@ from taichi_foam.records.cushion import Cushion, declared, shapes_of
 from taichi_foam.records.history import COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.results.files import write_csv, write_json
+from taichi_foam.results.files import drop_name, write_csv, write_json
 from taichi_foam.results.folders import claimed, request_in
 from taichi_foam.results.manifest import Manifest
 from taichi_foam.results.snapshot_file import record_type, shapes, snapshot_of, values_of
@@ -132,15 +132,14 @@ def storage_bytes(scene: Scene) -> int:
 
     Snapshots count twice: they are first stored as they are recorded, then packed.
     """
-    rows = scene.numerics.latest_end / scene.output.history_interval + 2
     state = 8 * sum(map(math.prod, shapes_of(Cushion, scene).values()))
-    return int(2 * snapshots_bytes(scene) + state + 25 * len(COLUMNS) * rows) + 100_000
+    rows = 25 * len(COLUMNS) * scene.most_rows
+    return 2 * snapshots_bytes(scene) + state + rows + 100_000
 
 
 def snapshots_bytes(scene: Scene) -> int:
     """Upper bound on the size of a run's snapshots, in memory or as a file (bytes)."""
-    count = scene.numerics.latest_end / scene.output.snapshot_interval + 2
-    return int(count * record_type(scene).itemsize)
+    return scene.most_snapshots * record_type(scene).itemsize
 
 
 def _check_whole(root: Path) -> None:
@@ -154,8 +153,9 @@ def _check_whole(root: Path) -> None:
     needed = [name for name, output in OUTPUTS.items() if output.needed]
     changed = [name for name in (*needed, _STATE) if name in manifest.files]
     changed = [name for name in changed if not manifest.files[name].fits(root / name)]
-    if not changed and (root / "drop-1").is_dir():
-        raise UserError(f"{root}: holds a series of drops; give one of them, such as {root}/drop-1")
+    first = root / drop_name(1)
+    if not changed and first.is_dir():
+        raise UserError(f"{root}: holds a series of drops; give one of them, such as {first}")
     if changed or not {*needed} <= {*manifest.files}:
         raise UserError(
             f"result folder {root}: its files are not as they were written: "

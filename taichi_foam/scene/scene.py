@@ -185,6 +185,16 @@ class Scene(Part):
         return self.impactor is not None and self.impactor.motion != "crosshead"
 
     @property
+    def most_rows(self) -> int:
+        """Number of rows of the history that a run does not exceed."""
+        return math.floor(self.numerics.latest_end / self.output.history_interval) + 2
+
+    @property
+    def most_snapshots(self) -> int:
+        """Number of snapshots, and so of frames, that a run does not exceed."""
+        return math.floor(self.numerics.latest_end / self.output.snapshot_interval) + 2
+
+    @property
     def contact_height(self) -> float:
         """Height of the impactor's lowest point at first contact [m].
 

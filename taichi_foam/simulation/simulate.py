@@ -25,6 +25,7 @@ from taichi_foam.engine import runtime
 from taichi_foam.errors import Interrupted, RunError, UserError, warn_of_run
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.snapshot import Snapshot
+from taichi_foam.results.files import drop_name
 from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import Result, request_of, snapshots_bytes
 from taichi_foam.scene import Scene
@@ -285,11 +286,6 @@ def check_drops(count: int) -> None:
 def drops_request(scene: Scene, count: int) -> dict[str, Any]:
     """The request that identifies a series of drops when a folder is claimed for it."""
     return {**request_of(scene), "drops": count}
-
-
-def drop_name(number: int) -> str:
-    """Name of the folder of a drop in a series, counted from 1."""
-    return f"drop-{number}"
 
 
 def resume(

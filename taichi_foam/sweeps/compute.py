@@ -32,12 +32,12 @@ from taichi_foam.errors import RunError, UserError
 from taichi_foam.interrupts import held_interrupts
 from taichi_foam.records.ending import Ending
 from taichi_foam.records.record import Record
+from taichi_foam.results.files import drop_name
 from taichi_foam.results.folders import UNFINISHED, is_disk_error
 from taichi_foam.results.manifest import MANIFEST
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.simulation.after import After
-from taichi_foam.simulation.simulate import drop_name
 from taichi_foam.sweeps import table
 from taichi_foam.sweeps.dealing import Dealer, Solve
 from taichi_foam.sweeps.sampling import Member
@@ -84,7 +84,7 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
         if drop == 1:
             rows[member.number] = table.row(member)
         table.add_impact(rows[member.number], drop, result, kept.measures)
-        if kept.histories != "none":
+        if kept.has_histories:
             histories.setdefault(member.number, []).append(result)
         if kept.full == "all" or member.number in kept.full:
             _save(sweep, member.number, result)
@@ -93,7 +93,7 @@ def compute_chunk(folder: str, plan_hash: str, chunk: range, solve: Solve) -> No
         seconds += time.perf_counter() - begun
     if len(rows) < len(chunk):
         raise RuntimeError("the solver did not return a result for every scene")
-    if kept.histories != "none":
+    if kept.has_histories:
         table.write_histories(sweep.history_file(chunk), histories, kept.histories)
     table.write_rows(sweep.chunk_file(chunk), [rows[number] for number in sorted(rows)], seconds)
     sweep.lost_file(chunk).unlink(missing_ok=True)

@@ -138,9 +138,9 @@ def room(design: Design) -> Estimate:
     """Number of drops of a sweep, and an upper bound on its disk space (before compression)."""
     plan, size = design.plan, 0.0
     some = _some(design, _LOOKED_AT)
-    if plan.keep.histories != "none":
+    if plan.keep.has_histories:
         width = 4 if plan.keep.histories == "float32" else 8
-        rows = np.mean([s.numerics.latest_end / s.output.history_interval + 2 for s in some])
+        rows = np.mean([scene.most_rows for scene in some])
         size += len(design) * plan.impacts * rows * (8 + width * len(HISTORY_COLUMNS))
     full = len(design) if plan.keep.full == "all" else len(plan.keep.full)
     size += full * plan.impacts * float(np.mean([storage_bytes(scene) for scene in some]))

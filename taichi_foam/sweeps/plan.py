@@ -134,6 +134,11 @@ class Keep(Part):
         default=(), description="numbers of the members whose complete results are kept"
     )
 
+    @property
+    def has_histories(self) -> bool:
+        """Whether histories are kept."""
+        return self.histories != "none"
+
     @model_validator(mode="after")
     def _check_measures(self) -> Keep:
         for key in self.measures or ():

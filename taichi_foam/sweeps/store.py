@@ -105,15 +105,15 @@ class Sweep:
     def design(self) -> Design:
         return Design.of(self.plan)
 
-    def check_versions(self) -> None:
-        """Raise UserError if the versions differ from those that the sweep began with."""
-        for name, here in versions(self.made_with["arch"]).items():
+    def check_versions(self, arch: str | None = None) -> None:
+        """Raise UserError if versions, or `arch`, differ from those that the sweep began with."""
+        for name, here in versions(arch or self.made_with["arch"]).items():
             was = self.made_with.get(name)
             if was != here:
                 raise UserError(
-                    f"{self.folder}: was started with {name} {was}, but this is {here}: the "
+                    f"{self.folder}: was started with {name} = {was}, but this is {here}: the "
                     "results would not be comparable. Fix: choose another folder, or continue it "
-                    f"with {name} {was}."
+                    f"with {name} = {was}."
                 )
         if self.points != self.design.fingerprint:
             raise UserError(
@@ -188,7 +188,7 @@ class Sweep:
         damaged = []
         for chunk in self.finished():
             paths = [self.chunk_file(chunk)]
-            if self.plan.keep.histories != "none":
+            if self.plan.keep.has_histories:
                 paths.append(self.history_file(chunk))
             try:
                 for path in paths:
@@ -376,12 +376,7 @@ def _check_same(found: Sweep, plan: Plan, arch: str) -> None:
             f"{found.folder}: holds a sweep of another plan:\n{listed}\nFix: choose another "
             "folder, or go back to that plan."
         )
-    if found.made_with["arch"] != arch:
-        raise UserError(
-            f"{found.folder}: this sweep was started with arch = {found.made_with['arch']}. Fix: "
-            "continue with that, or choose another folder."
-        )
-    found.check_versions()
+    found.check_versions(arch)
 
 
 def _chunks(folder: Path, suffix: str) -> list[range]:
