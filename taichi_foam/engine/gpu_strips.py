@@ -45,8 +45,7 @@ def reduce(
     """Reduce `count` numbers per thread of a block to `values`, from member `first` on.
 
     Number `c` of thread `t` is in `shared[c * THREADS + t]`. The result is the sum, or the maximum.
-    The tree is a loop: with its levels written out, ten barriers a reduction, Mesa's software
-    Vulkan compiled the kernels four times as long.
+    The tree is a loop, as Mesa takes long to compile many barriers.
     """
     half = THREADS // 2
     while half > 0:
