@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import reduce
-from operator import add
+from operator import add, sub
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.formulas.traces import filtered
-from taichi_foam.records.history import COLUMNS, History, row_columns
+from taichi_foam.records.history import COLUMNS, History, Loss, row_columns
 from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
@@ -23,10 +23,8 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
 
     The rows start with the first row of the run; n may be 0.
 
-    Work counts from the first row. The dissipation of a mechanism is the work done on it, minus the
-    increase of its stored energy since the first row, and minus the stored energy that is counted
-    as fracture energy. The residual is the energy that no column accounts for. Columns not computed
-    here are the sums of their `source`.
+    Work counts from the first row. The residual is the energy that no column accounts for. Columns
+    not computed here are what their `source` says.
     """
     of = dict(zip(row_columns(scene.turns), rows.T, strict=True))
     impactor = scene.impactor
@@ -38,13 +36,15 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     deceleration = np.divide(
         np.diff(upwards, prepend=upwards[:1]), interval, out=np.zeros_like(t), where=interval > 0
     )
-    normal = of["bonds"] - of["shear"] - of["room"]
-    if scene.model.damping != "absolute":
-        normal = normal - of["dashpots"]  # "absolute" dashpots act on mass points, not in bonds
+    # "absolute" dashpots act on mass points: they are no part of another work
+    apart = {"dashpots"} if scene.model.damping == "absolute" else set()
 
-    def lost(work: Array, *stored: str, fracture: str | None = None) -> Array:
-        held = reduce(add, (of[member] for member in stored))
-        return work - (held - held[:1]) - (0.0 if fracture is None else of[fracture])
+    def lost(loss: Loss) -> Array:
+        work = reduce(
+            sub, (of[member] for member in (loss.work, *loss.besides) if member not in apart)
+        )
+        held = reduce(add, (of[member] for member in loss.stored))
+        return work - (held - held[:1]) - (of[loss.fracture] if loss.fracture else 0.0)
 
     potential = of["potential"] + mass * gravity * y
     found = {
@@ -53,19 +53,17 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
         "deceleration_m_s2": deceleration,
         "deceleration_smoothed_m_s2": filtered(t, deceleration, CHANNEL_CLASS, means=True),
         "impactor_kinetic_J": 0.5 * mass * v**2,
-        "crushing_J": lost(normal, "in_bonds", fracture="lost_by_bonds"),
-        "folding_J": lost(of["room"], "in_room", fracture="lost_by_room"),
-        "shearing_J": lost(of["shear"], "in_shear", fracture="lost_by_shear"),
-        "friction_J": lost(of["friction"], "held_by_friction", "held_by_base_friction"),
-        "contact_loss_J": lost(of["contact"], "held_by_contact", "held_by_base"),
-        "self_contact_J": lost(of["pieces"], "held_by_pieces"),
         "gravity_J": potential - potential[:1],
     }
     if impactor is not None and scene.turns:
         turning = 0.5 * impactor.moment_of_inertia * of["turn.spin"] ** 2
         found["impactor_kinetic_J"] += 0.5 * mass * of["turn.u"] ** 2 + turning
     for name, column in COLUMNS.items():
-        if name not in found and column.source and (scene.turns or not column.turns):
+        if name in found or not column.members or (column.turns and not scene.turns):
+            continue
+        if isinstance(column.source, Loss):
+            found[name] = lost(column.source)
+        else:
             found[name] = reduce(add, (of[member] for member in column.source))
     total = np.sum([found[name] for name, column in COLUMNS.items() if column.in_ledger], axis=0)
     return History({**found, "residual_J": total[:1] - total})

@@ -10,7 +10,11 @@ from taichi_foam.records.history import BOOKED, ENERGIES_NOW, row_columns
 vec_now = ti.types.vector(len(ENERGIES_NOW), ti.f64)
 vec_works = ti.types.vector(WORKS, ti.f64)
 
-KINETIC, POTENTIAL, IN_BONDS, IN_SHEAR, IN_ROOM = range(len(ENERGIES_NOW))
+KINETIC = ENERGIES_NOW.index("kinetic")
+POTENTIAL = ENERGIES_NOW.index("potential")
+IN_BONDS = ENERGIES_NOW.index("in_bonds")
+IN_SHEAR = ENERGIES_NOW.index("in_shear")
+IN_ROOM = ENERGIES_NOW.index("in_room")
 
 # What a row is made of.
 MEMBER, NOW, WORK = range(3)

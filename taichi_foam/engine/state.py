@@ -51,15 +51,26 @@ DIVERGED = 3
 CROWDED = 4
 EMPTY = 5  # nothing is loaded
 
-# Members of a strip's work [J], in the order of `records.history.BOOKED`: the work that the nodes
-# do on each part of the model, positive where the nodes lose energy; the stored energy lost when
-# bonds broke and cells let go; and the energy that contacts store, which is not accumulated but is
-# the value at the end of the last step.
-(
-    BONDS, SHEAR, ROOM, DASHPOTS, CONTACT, FRICTION, PIECES, BASE,
-    LOST_BY_BONDS, LOST_BY_SHEAR, LOST_BY_ROOM,
-    HELD_BY_CONTACT, HELD_BY_FRICTION, HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES,
-) = range(len(BOOKED))  # fmt: skip
+# Members of a strip's work [J]. Works that the nodes do on each part of the model, positive where
+# the nodes lose energy:
+BONDS = BOOKED.index("bonds")
+SHEAR = BOOKED.index("shear")
+ROOM = BOOKED.index("room")
+DASHPOTS = BOOKED.index("dashpots")
+CONTACT = BOOKED.index("contact")
+FRICTION = BOOKED.index("friction")
+PIECES = BOOKED.index("pieces")
+BASE = BOOKED.index("base")
+# stored energy lost when bonds broke and cells let go:
+LOST_BY_BONDS = BOOKED.index("lost_by_bonds")
+LOST_BY_SHEAR = BOOKED.index("lost_by_shear")
+LOST_BY_ROOM = BOOKED.index("lost_by_room")
+# and energy that contacts store, not accumulated but the value at the end of the last step:
+HELD_BY_CONTACT = BOOKED.index("held_by_contact")
+HELD_BY_FRICTION = BOOKED.index("held_by_friction")
+HELD_BY_BASE = BOOKED.index("held_by_base")
+HELD_BY_BASE_FRICTION = BOOKED.index("held_by_base_friction")
+HELD_BY_PIECES = BOOKED.index("held_by_pieces")
 WORKS = len(BOOKED)
 HELD_AFTER = [HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES]  # kept for the next impact
 

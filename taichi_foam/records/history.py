@@ -37,6 +37,31 @@ BOOKED: tuple[str, ...] = (
 
 
 @dataclass(frozen=True)
+class Loss:
+    """Energy that a mechanism has dissipated since the first row.
+
+    It is the work done on it, minus the increase of its stored energy, and minus the stored energy
+    that is counted as fracture energy.
+
+    work      booked work
+    stored    energies that the mechanism stores
+    fracture  booked stored energy that breaking has lost; empty: none
+    besides   booked works that are parts of `work`, and belong to other columns
+    """
+
+    work: str
+    stored: tuple[str, ...]
+    fracture: str = ""
+    besides: tuple[str, ...] = ()
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """All that it is computed from."""
+        fracture = (self.fracture,) if self.fracture else ()
+        return (self.work, *self.besides, *self.stored, *fracture)
+
+
+@dataclass(frozen=True)
 class Column:
     """One column of the history.
 
@@ -45,7 +70,7 @@ class Column:
     label       label in tables and on the page
     meaning     definition, including the sign
     source      what it is computed from: members of the engine's clock, body (the impactor) and
-                turn ("body.y"), ENERGIES_NOW and BOOKED; their sum unless
+                turn ("body.y"), ENERGIES_NOW and BOOKED. A loss, or the sum of the members unless
                 `analysis.columns.history_of` says otherwise
     turns       whether it exists only for an impactor that can rotate
     dissipates  whether it is dissipated energy, which can only grow
@@ -57,11 +82,16 @@ class Column:
     unit: str
     label: str
     meaning: str
-    source: tuple[str, ...]
+    source: tuple[str, ...] | Loss
     turns: bool = False
     dissipates: bool = False
     is_integer: bool = False
     shown: str = ""
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """All that it is computed from."""
+        return self.source.members if isinstance(self.source, Loss) else self.source
 
     @property
     def in_ledger(self) -> bool:
@@ -111,21 +141,22 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
            ("held_by_contact", "held_by_friction", "held_by_base", "held_by_base_friction",
             "held_by_pieces")),
     Column("crushing_J", "J", "crushing", "lost by normal stresses",
-           ("bonds", "shear", "room", "dashpots", "in_bonds", "lost_by_bonds"), dissipates=True),
+           Loss("bonds", ("in_bonds",), "lost_by_bonds", besides=("shear", "room", "dashpots")),
+           dissipates=True),
     Column("folding_J", "J", "folding",
            "lost by pressed cells as crushing lowered their packing limit",
-           ("room", "in_room", "lost_by_room"), dissipates=True),
+           Loss("room", ("in_room",), "lost_by_room"), dissipates=True),
     Column("shearing_J", "J", "shearing", "lost by shear stresses",
-           ("shear", "in_shear", "lost_by_shear"), dissipates=True),
+           Loss("shear", ("in_shear",), "lost_by_shear"), dissipates=True),
     Column("damping_J", "J", "damping", "lost in dashpots or by drag", ("dashpots",),
            dissipates=True),
     Column("friction_J", "J", "friction", "lost by friction on impactor and base",
-           ("friction", "held_by_friction", "held_by_base_friction"), dissipates=True),
+           Loss("friction", ("held_by_friction", "held_by_base_friction")), dissipates=True),
     Column("contact_loss_J", "J", "contact, lost",
            "lost by contact with impactor and base, without friction",
-           ("contact", "held_by_contact", "held_by_base"), dissipates=True),
+           Loss("contact", ("held_by_contact", "held_by_base")), dissipates=True),
     Column("self_contact_J", "J", "pieces' contact", "lost by contact of pieces",
-           ("pieces", "held_by_pieces"), dissipates=True),
+           Loss("pieces", ("held_by_pieces",)), dissipates=True),
     Column("fracture_J", "J", "fracture",
            "stored energy that bonds and cells lost when they broke, softened or separated",
            ("lost_by_bonds", "lost_by_shear", "lost_by_room"), dissipates=True),
@@ -152,7 +183,7 @@ def row_columns(turns: bool) -> tuple[str, ...]:
     turns: the scene's impactor can rotate.
     """
     columns = [column for column in COLUMNS.values() if turns or not column.turns]
-    return tuple(dict.fromkeys(source for column in columns for source in column.source))
+    return tuple(dict.fromkeys(member for column in columns for member in column.members))
 
 
 HISTORY_COLUMNS = tuple(name for name, column in COLUMNS.items() if not column.turns)
