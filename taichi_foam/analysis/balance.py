@@ -89,25 +89,3 @@ def doubt(scene: Scene) -> str | None:
         "foam can absorb: it will bottom out; check the units: masses are in kilograms (5,000 g "
         "is 5), lengths in metres (76 cm is 0.76), velocities in m/s"
     )
-
-
-def words(scene: Scene, found: Balance, peak: float | None, strain: float | None) -> str:
-    """A sentence on a cushion, its load and its balance, with a run's raw peak [m/s2] and strain.
-
-    Lengths are in mm.
-    """
-    block = scene.block
-    size = " x ".join(f"{1e3 * each:.4g}" for each in (block.height, block.width, block.depth))
-    static = f"static stress {1e-3 * found.static_stress:.3g} kPa"
-    load = f"cushion {size} mm (height, width, depth), {static}"
-    by_hand = "by energy balance the foam cannot stop the impactor"
-    if found.peak is not None:
-        by_hand = f"by energy balance {_peak(found.peak, found.strain)}"
-    return f"{load}; {by_hand}, computed {_peak(peak, strain, 'raw ')}"
-
-
-def _peak(peak: float | None, strain: float | None, channel: str = "") -> str:
-    if peak is None:
-        return "no peak"
-    at = "" if strain is None else f" at {100 * strain:.1f} % strain"
-    return f"{channel}{peak / STANDARD_GRAVITY:.1f} g{at}"

@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.formulas.traces import filtered
-from taichi_foam.records.history import COLUMNS, History, Loss, row_columns
+from taichi_foam.records.history import CHANNEL_CLASS, COLUMNS, History, Loss, row_columns
 from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
-
-CHANNEL_CLASS = 180
-"""Channel frequency class [Hz] of the smoothed deceleration, see `formulas.traces`."""
 
 
 def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:

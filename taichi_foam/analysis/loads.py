@@ -90,7 +90,7 @@ def peak_deceleration(record: Record) -> Peak | None:
 
 
 def filtered_peak_deceleration(record: Record) -> Peak | None:
-    """The largest deceleration since contact, filtered to CFC 180 (SAE J211)."""
+    """The largest deceleration since contact, smoothed with `records.history.FILTER`."""
     return _largest(record, record.history["deceleration_smoothed_m_s2"], is_raw=False)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 from taichi_foam.analysis import balance, fragments, impact, loads, room, soundness
 from taichi_foam.analysis.pattern import crushed_region
 from taichi_foam.records.ending import Ending
+from taichi_foam.records.history import FILTER
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
@@ -65,6 +66,10 @@ class Quantity:
         """The value in `unit`, formatted without the unit; a dash if undefined."""
         return "–" if value is None else f"{self.factor * value:.{self.digits}f}"
 
+    def words(self, value: float | None) -> str:
+        """As `text`, with the unit."""
+        return self.text(value) if value is None else f"{self.text(value)} {self.unit}"
+
     def span(self, low: float | None, high: float | None) -> str:
         """A band, formatted; ∞ as upper end if it includes runs where the figure is undefined."""
         if low is None:
@@ -80,6 +85,13 @@ def measure(key: str, of: Callable[[Record], Any], *words: Any, **more: Any) -> 
     """Register a measure; arguments as for `Quantity`."""
     MEASURES[key] = Quantity(key, of, *words, **more)
     return MEASURES[key]
+
+
+def in_g(acceleration: Quantity, **more: Any) -> Quantity:
+    """Register an acceleration in g, too, in the row below it; `more` as for `Quantity`."""
+    told = {"unit": "g", "row": acceleration.row + 1, "per": STANDARD_GRAVITY, **more}
+    key = acceleration.key.replace("_m_s2", "_g")
+    return measure(**{**vars(acceleration), **told, "key": key})
 
 
 def shown_in(table: str) -> tuple[Quantity, ...]:
@@ -123,31 +135,26 @@ def _with_impactor(of: Callable[[Record], Any]) -> Callable[[Record], Any]:
 
 
 _region = _at_end(crushed_region)
-_ALL, _G = "run page cell", STANDARD_GRAVITY
+_ALL = "run page cell"
 # fmt: off
 measure("scene", lambda record: record.scene.name)
 CREST = measure(
     "peak_deceleration_cfc180_m_s2", loads.filtered_peak_deceleration,
-    "peak deceleration (CFC 180)", "peak", "m/s²", 1, _ALL, 4, "deceleration")
-CREST_G = measure(
-    "peak_deceleration_cfc180_g", loads.filtered_peak_deceleration,
-    "peak deceleration (CFC 180)", "peak", "g", 1, _ALL, 5, "deceleration", _G)
+    f"peak deceleration ({FILTER})", "peak", "m/s²", 1, _ALL, 4, "deceleration")
+CREST_G = in_g(CREST)
 CREST_TIME = measure(
     "peak_deceleration_cfc180_time_s", loads.filtered_peak_deceleration,
-    "time of peak deceleration (CFC 180)", "time of the peak", "ms", 2, "run page", 6, "time")
+    f"time of peak deceleration ({FILTER})", "time of the peak", "ms", 2, "run page", 6, "time")
 RAW_CREST = measure(
     "peak_deceleration_m_s2", loads.peak_deceleration,
     "peak deceleration, raw", "raw peak", "m/s²", 1, _ALL, 7, "deceleration")
-RAW_CREST_G = measure(
-    "peak_deceleration_g", loads.peak_deceleration,
-    "peak deceleration, raw", "raw peak", "g", 1, _ALL, 8, "deceleration", _G)
+RAW_CREST_G = in_g(RAW_CREST)
 measure(
     "peak_deceleration_time_s", loads.peak_deceleration,
     "time of peak deceleration, raw", "time of the raw peak", "ms", 2, part="time")
-measure("peak_resultant_m_s2", loads.peak_resultant, part="deceleration")
-measure(
-    "peak_resultant_g", loads.peak_resultant,
-    "peak of the resultant, raw", "resultant", "g", 1, "run page", 18, "deceleration", _G)
+in_g(
+    measure("peak_resultant_m_s2", loads.peak_resultant, part="deceleration"),
+    label="peak of the resultant, raw", name="resultant", digits=1, tables="run page", row=18)
 measure("peak_resultant_time_s", loads.peak_resultant, part="time")
 measure("came_to_rest", loads.came_to_rest)
 measure("bottomed_out", impact.bottomed_out)
@@ -163,7 +170,7 @@ PLATEAU = measure(
     "plateau deceleration", "plateau", "m/s²", 1, _ALL, 13)
 PEAK = measure(
     "initial_peak_m_s2", loads.initial_peak,
-    "initial peak (CFC 180)", "initial peak", "m/s²", 0, _ALL, 16, "deceleration")
+    f"initial peak ({FILTER})", "initial peak", "m/s²", 0, _ALL, 16, "deceleration")
 PEAK_TIME = measure(
     "initial_peak_time_s", loads.initial_peak,
     "time of the initial peak", "peak time", "ms", 1, "run cell", 17, "time")
@@ -188,10 +195,9 @@ measure(
 RESTITUTION = measure(
     "restitution", loads.restitution,
     "coefficient of restitution", "restitution", "", 3, "run page", 27)
-measure("base_peak_m_s2", loads.shaking, part="base_peak")
-measure(
-    "base_peak_g", loads.shaking,
-    "peak of the base, in g", "base", "g", 1, _ALL, 10, "base_peak", _G)
+in_g(
+    measure("base_peak_m_s2", loads.shaking, part="base_peak"),
+    label="peak of the base, in g", name="base", digits=1, tables=_ALL, row=10)
 measure(
     "base_velocity_change_m_s", loads.shaking,
     "velocity change of the base", "base velocity change", "m/s", 2, "run page", 26, "base_change")
@@ -214,9 +220,8 @@ REST = measure(
 STRAIN = measure(
     "max_strain", loads.max_strain, "largest strain of the block", "strain", "%", 1, _ALL, 9)
 measure("static_stress_Pa", balance.of_run, part="static_stress")
-measure("balance_strain", balance.of_run, part="strain")
-measure("balance_peak_m_s2", balance.of_run, part="peak")
-measure("balance_peak_g", balance.of_run, part="peak", per=_G)
+measure("balance_strain", balance.of_run, unit="%", digits=1, part="strain")
+in_g(measure("balance_peak_m_s2", balance.of_run, part="peak"), digits=1)
 measure(
     "final_angle_rad", _final("angle_rad"),
     "rotation at the end", "angle", "°", 1, "run page", 19)
@@ -284,6 +289,10 @@ class Figures(Mapping[str, Any]):
             self._found[function] = function(self._record)
         return self._found[function]
 
+    def words(self, key: str) -> str:
+        """A measure as it is shown, with its unit."""
+        return MEASURES[key].words(self[key])
+
     def __iter__(self) -> Iterator[str]:
         return iter((*MEASURES, *IN_WORDS))
 
@@ -316,13 +325,12 @@ def _statement(figures: Figures, record: Record) -> str | None:
         return None
     if figures["base_peak_g"] is not None:
         return "; ".join(_of_shaken_base(figures))
-    scene, no_plateau = record.scene, loads.why_no_plateau(record)
-    by_hand = figures.of(balance.of_run)
-    raw, strain = figures["peak_deceleration_m_s2"], figures["max_strain"]
-    depth = f"{100 * figures['max_displacement_m']:.2f} cm"
-    parts = [balance.words(scene, by_hand, raw, strain)] if by_hand else []
+    no_plateau, depth = loads.why_no_plateau(record), figures.words("max_displacement_m")
+    parts = _of_balance(figures, record.scene)
     if figures["bottomed_out"]:
-        parts.append(f"the foam bottomed out{_peak(figures)}")
+        peak = _peak(figures)
+        told = f": its deceleration peaked at {peak}" if peak else ""
+        parts.append(f"the foam bottomed out{told}")
     if figures["passed_through"]:
         parts.append("the impactor left the foam and was not stopped by it")
     elif figures["came_to_rest"]:
@@ -338,44 +346,65 @@ def _statement(figures: Figures, record: Record) -> str | None:
     return "; ".join(parts)
 
 
-def _of_crosshead(figures: Mapping[str, Any]) -> list[str]:
-    stress, strain = 1e-3 * figures["peak_stress_Pa"], 100 * figures["peak_stress_strain"]
+def _of_balance(figures: Figures, scene: Scene) -> list[str]:
+    """A cushion, its load, and its peak by energy balance beside the computed one."""
+    by_hand: balance.Balance | None = figures.of(balance.of_run)
+    if by_hand is None:
+        return []
+    block = scene.block
+    size = " x ".join(f"{1e3 * each:.4g}" for each in (block.height, block.width, block.depth))
+    raw, strain = figures["peak_deceleration_m_s2"], figures["max_strain"]
+    stops = "by energy balance the foam cannot stop the impactor"
+    if by_hand.peak is not None:
+        at = f" at {figures.words('balance_strain')} strain"
+        stops = f"by energy balance {figures.words('balance_peak_g')}{at}"
+    at = "" if raw is None or strain is None else f" at {figures.words('max_strain')} strain"
+    peak = "no peak" if raw is None else f"raw {figures.words('peak_deceleration_g')}"
+    return [
+        f"cushion {size} mm (height, width, depth), static stress "
+        f"{1e-3 * by_hand.static_stress:.3g} kPa",
+        f"{stops}, computed {peak}{at}",
+    ]
+
+
+def _of_crosshead(figures: Figures) -> list[str]:
     pressed = figures["max_strain"]
-    to = "" if pressed is None else f" to {100 * pressed:.1f} % strain"
+    to = "" if pressed is None else f" to {figures.words('max_strain')} strain"
     return [
         f"the crosshead pressed the foam{to}",
-        f"the largest stress was {stress:.4g} kPa, at {strain:.1f} % strain",
+        f"the largest stress was {figures.words('peak_stress_Pa')}, at "
+        f"{figures.words('peak_stress_strain')} strain",
         *_end_of_foam(figures),
     ]
 
 
-def _of_shaken_base(figures: Mapping[str, Any]) -> list[str]:
-    raw, filtered = figures["peak_deceleration_g"], figures["peak_deceleration_cfc180_g"]
-    base, strain = figures["base_peak_g"], figures["max_strain"]
+def _of_shaken_base(figures: Figures) -> list[str]:
     parts = [
-        f"the base was shaken with a peak of {base:.1f} g and a velocity change of "
-        f"{figures['base_velocity_change_m_s']:.2f} m/s"
+        f"the base was shaken with a peak of {figures.words('base_peak_g')} and a velocity change "
+        f"of {figures.words('base_velocity_change_m_s')}"
     ]
-    if raw is not None and filtered is not None:
+    if peak := _peak(figures):
         parts.append(
-            f"the impactor experienced {filtered:.1f} g (CFC 180; raw {raw:.1f} g) and a velocity "
-            f"change of {figures['velocity_change_m_s']:.2f} m/s"
+            f"the impactor experienced {peak} and a velocity change of "
+            f"{figures.words('velocity_change_m_s')}"
         )
-    if strain is not None:
-        parts.append(f"the foam was compressed by {100 * strain:.1f} % at most")
+    if figures["max_strain"] is not None:
+        parts.append(f"the foam was compressed by {figures.words('max_strain')} at most")
     return [*parts, *_end_of_foam(figures)]
 
 
-def _end_of_foam(figures: Mapping[str, Any]) -> list[str]:
+def _end_of_foam(figures: Figures) -> list[str]:
     words = {True: ["the foam bottomed out"], False: ["the foam did not bottom out"]}
     return words.get(figures["bottomed_out"], [])
 
 
-def _peak(figures: Mapping[str, Any]) -> str:
-    raw, filtered = figures["peak_deceleration_g"], figures["peak_deceleration_cfc180_g"]
-    if raw is None or filtered is None:
+def _peak(figures: Figures) -> str:
+    """The largest deceleration, filtered and raw; empty if there is none."""
+    raw = figures["peak_deceleration_g"]
+    if raw is None or figures["peak_deceleration_cfc180_g"] is None:
         return ""
-    return f": its deceleration peaked at {filtered:.0f} g (CFC 180; raw {raw:.0f} g)"
+    filtered = figures.words("peak_deceleration_cfc180_g")
+    return f"{filtered} ({FILTER}; raw {figures.words('peak_deceleration_g')})"
 
 
 IN_WORDS: Mapping[str, Callable[[Figures, Record], Any]] = {

@@ -13,6 +13,7 @@ from taichi_foam.analysis import measures as q
 from taichi_foam.analysis.measures import Quantity, shown_in
 from taichi_foam.catalogue import reference_of, title
 from taichi_foam.cli.outcome import columns
+from taichi_foam.records.history import FILTER
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import (
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from taichi_foam.picture import document
 
 _OF_DROPS = {
-    q.CREST_G: "peak g\nCFC 180",
+    q.CREST_G: f"peak g\n{FILTER}",
     q.RAW_CREST_G: "raw",
     q.STRAIN: "strain\n%",
     q.RESTITUTION: "restitution",

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from taichi_foam.cushions import sizing
 from taichi_foam.cushions.sizing import Pad
-from taichi_foam.cushions.verify import FILTER
 from taichi_foam.picture.style import (
     BLUE,
     CYCLE,
@@ -26,6 +25,7 @@ from taichi_foam.picture.style import (
     blank,
     plain_log,
 )
+from taichi_foam.records.history import FILTER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

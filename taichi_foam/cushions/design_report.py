@@ -12,9 +12,10 @@ from taichi_foam.cushions.own_tests import OwnTests
 from taichi_foam.cushions.scenes import FLAT
 from taichi_foam.cushions.shown import Units
 from taichi_foam.cushions.sizing import Pad, Relaxed
-from taichi_foam.cushions.verify import FILTER, Runs
+from taichi_foam.cushions.verify import Runs
 from taichi_foam.picture import document
 from taichi_foam.picture.document import Section, Table
+from taichi_foam.records.history import FILTER
 
 if TYPE_CHECKING:
     from taichi_foam.cushions.design import Design

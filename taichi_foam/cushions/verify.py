@@ -23,12 +23,6 @@ from taichi_foam.sweeps.sampling import factors, seed_of
 WITHIN = 0.005
 """Largest relative difference of a run's velocity from that of the drop height."""
 
-FILTER = "CFC 180"
-"""The filter of the peaks that are compared with the fragility (SAE J211)."""
-
-KEY = "peak_deceleration_cfc180_g"
-"""The measure that `FILTER` belongs to."""
-
 
 @dataclass(frozen=True)
 class Runs:
@@ -36,7 +30,7 @@ class Runs:
 
     pad       what was dropped on
     velocity  at first contact of the first drop [m/s]
-    g         largest deceleration, filtered with `FILTER` [g]
+    g         largest deceleration, filtered with `records.history.FILTER` [g]
     raw       the same unfiltered [g]
     strain    largest strain of the pad
     change    velocity change [m/s]; inf if it did not come to rest
@@ -123,12 +117,13 @@ def runs(
         figures = [[result.summary[key] for result in results] for results in of_run]
         return [math.inf if None in each else float(max(each)) for each in figures]
 
+    filtered = largest("peak_deceleration_cfc180_g")
     # a run that failed has a peak so far, but may have had a larger one
     failed = [any(result.failure for result in results) for results in of_run]
     return Runs(
         pad,
         [scene.impactor.velocity for scene in asked if scene.impactor is not None],
-        [math.inf if fails else g for fails, g in zip(failed, largest(KEY), strict=True)],
+        [math.inf if fails else g for fails, g in zip(failed, filtered, strict=True)],
         largest("peak_deceleration_g"),
         largest("max_strain"),
         largest("velocity_change_m_s"),

@@ -19,6 +19,7 @@ from taichi_foam.picture.inset import Curve
 from taichi_foam.picture.look import THEMES, Look
 from taichi_foam.picture.modes import MODES
 from taichi_foam.picture.view import Box
+from taichi_foam.records.history import FILTER
 
 #: Frames requested per second; a single step advances by one of them.
 FPS = 30
@@ -74,7 +75,7 @@ class Screen:
         value, in_g = result.summary[q.CREST.key], result.summary[q.CREST_G.key]
         if value is None:
             return ""
-        return f"peak {q.CREST.text(value)} m/s², {q.CREST_G.text(in_g)} g (CFC 180)"
+        return f"peak {q.CREST.words(value)}, {q.CREST_G.words(in_g)} ({FILTER})"
 
     @property
     def message(self) -> str:

@@ -34,7 +34,7 @@ from taichi_foam.picture.style import (
     plain_log,
     spread,
 )
-from taichi_foam.records.history import COLUMNS, LEDGER
+from taichi_foam.records.history import COLUMNS, FILTER, LEDGER
 from taichi_foam.units import STANDARD_GRAVITY, pressure_text, si_scale
 
 if TYPE_CHECKING:
@@ -273,7 +273,7 @@ def _mark_slopes(axis: Axes, slopes: Sequence[float], right: float, top: float) 
 
 
 def drops_figure(results: Sequence[Result]) -> Figure:
-    """Decelerations (CFC 180) over time on the left, peaks and strains by drop on the right."""
+    """Smoothed decelerations over time on the left, peaks and strains by drop on the right."""
     shades = mpl.colormaps["viridis"](np.linspace(0.0, 0.85, max(len(results), 2)))
     with mpl.rc_context(STYLE):
         figure = blank(12.0, 5.0)
@@ -284,7 +284,7 @@ def drops_figure(results: Sequence[Result]) -> Figure:
             time, deceleration = _since_contact(result)
             left.plot(1e3 * time, deceleration, color=shade, label=f"drop {result.drop}")
         left.set_xlabel("time after contact (ms)")
-        left.set_ylabel("deceleration, CFC 180 (g)")
+        left.set_ylabel(f"deceleration, {FILTER} (g)")
         left.set_xlim(0.0, None)
         left.legend(frameon=False, fontsize=11, ncols=1 + len(results) // 9)
         numbers = [result.drop for result in results]
@@ -303,12 +303,12 @@ def drops_figure(results: Sequence[Result]) -> Figure:
         right.set_xlim(min(numbers) - 0.7, max(numbers) + 0.5)
         right.xaxis.set_major_locator(MaxNLocator(integer=True))
         right.set_xlabel("drop")
-        right.set_ylabel("peak deceleration, CFC 180 (g), with strain")
+        right.set_ylabel(f"peak deceleration, {FILTER} (g), with strain")
     return figure
 
 
 def _since_contact(record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Times since first contact [s], and decelerations [g], CFC 180."""
+    """Times since first contact [s], and smoothed decelerations [g]."""
     touch, history = first_contact(record), record.history
     time = history["time_s"] - (touch.contact if touch else 0.0)
     return time, history["deceleration_smoothed_m_s2"] / STANDARD_GRAVITY

@@ -15,12 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError, installed
+from taichi_foam.formulas.traces import channel
 from taichi_foam.units import SHOWN_UNITS
 
 if TYPE_CHECKING:
     import pandas
 
 Array = NDArray[np.float64]
+
+CHANNEL_CLASS = 180
+"""Channel frequency class [Hz] of the smoothed deceleration, see `formulas.traces`."""
+
+FILTER = channel(CHANNEL_CLASS)
+"""How this filter is named beside what it smoothed."""
 
 ENERGIES_NOW: tuple[str, ...] = ("kinetic", "potential", "in_bonds", "in_shear", "in_room")
 """Energies [J] of the nodes, and energies stored in the bonds and in the cells' shear and room."""
@@ -116,7 +123,7 @@ COLUMNS: Mapping[str, Column] = {column.name: column for column in (
            "of the impactor, positive upwards, mean over the row's interval; on a shaken base its "
            "absolute acceleration", ("clock.time", "body.v")),
     Column("deceleration_smoothed_m_s2", "m/s²", "deceleration",
-           "the same, smoothed: CFC 180, zero phase", ("clock.time", "body.v")),
+           f"the same, smoothed: {FILTER}, zero phase", ("clock.time", "body.v")),
     Column("contact_force_N", "N", "contact force",
            "of the foam on the impactor, upwards", ("body.force",)),
     Column("displacement_x_m", "m", "sideways displacement",

@@ -20,6 +20,7 @@ from taichi_foam.picture import figures, films, style
 from taichi_foam.picture.document import data_address
 from taichi_foam.picture.figures import Absorption
 from taichi_foam.picture.montage import montage
+from taichi_foam.records.history import FILTER
 from taichi_foam.shim2000.figures import Deceleration, Whisker, branches, decelerations, errors
 from taichi_foam.shim2000.impacts import TESTS, PaperTest
 from taichi_foam.shim2000.study import Case, from_contact
@@ -148,7 +149,7 @@ def _curves(folder: Path, key: str, group: Sequence[Case]) -> Picture:
     return _saved(
         decelerations([_deceleration(case) for case in group], kind.name),
         folder / f"decelerations-{key}.png",
-        f"{what} over time, as in Fig. {kind.curves_figure} (CFC 180 filter). Of the test, "
+        f"{what} over time, as in Fig. {kind.curves_figure} ({FILTER} filter). Of the test, "
         "the tabled figures are marked.",
         f"{kind.name}: curves of computed deceleration over time at {_velocities(group)}, "
         "with the measured figures marked on them.",
@@ -216,7 +217,7 @@ def _histories(folder: Path, group: Sequence[Case]) -> Picture:
     return _saved(
         figures.impact_histories(histories),
         folder / "histories-rectangular.png",
-        f"Flat block: deceleration (CFC 180 filter), velocity and displacement{of_which}, as in "
+        f"Flat block: deceleration ({FILTER} filter), velocity and displacement{of_which}, as in "
         "Fig. 5.",
         f"Computed deceleration, velocity and displacement over time at {_velocities(group)}.",
     )

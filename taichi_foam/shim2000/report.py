@@ -188,8 +188,7 @@ def _damage(case: Case) -> Row:
     found = case.figures
 
     def text(quantity: Quantity) -> str:
-        value = found[quantity.key]
-        return quantity.text(value) + (f" {quantity.unit}" if value is not None else "")
+        return quantity.words(found[quantity.key])
 
     has_crack, width = found[q.CRACK.key] is not None, found[q.WIDTH.key]
     return {
