@@ -39,8 +39,8 @@ class Balance:
 
 def of_run(record: Record) -> Balance | None:
     """The balance of a drop on a fresh cushion; None after other drops, or if `balance` is None."""
-    lifted = abs(record.contact_height - record.scene.contact_height)
-    return balance(record.scene) if lifted <= 1e-9 * record.scene.block.height else None
+    is_fresh = abs(record.lifted) <= 1e-9 * record.scene.block.height
+    return balance(record.scene) if is_fresh else None
 
 
 def balance(scene: Scene) -> Balance | None:

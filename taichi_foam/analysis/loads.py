@@ -316,10 +316,9 @@ def max_strain(record: Record) -> float | None:
     depth, scene = max_displacement(record), record.scene
     if depth is None:
         return None
-    lost = scene.contact_height - record.contact_height
-    if lost < -LIFTED * scene.block.dy:
+    if record.lifted > LIFTED * scene.block.dy:
         return None
-    return (lost + depth) / (scene.contact_height - scene.block.foot)
+    return (depth - record.lifted) / (scene.contact_height - scene.block.foot)
 
 
 # --- driven tests -------------------------------------------------------------------------------

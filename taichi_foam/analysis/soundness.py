@@ -202,13 +202,12 @@ def _of_leaving(record: Record) -> str | None:
 
 
 def _of_lifting(record: Record) -> str | None:
-    lifted = record.contact_height - record.scene.contact_height
-    if record.scene.impactor is None or lifted <= LIFTED * record.scene.block.dy:
+    if record.scene.impactor is None or record.lifted <= LIFTED * record.scene.block.dy:
         return None
     return (
-        f"the impactor starts {lifted:.3g} m above the fresh block, over foam that an earlier drop "
-        "threw up: displacements are measured from there; let the foam settle first, in a run "
-        "without an impactor but with numerics.gravity"
+        f"the impactor starts {record.lifted:.3g} m above the fresh block, over foam that an "
+        "earlier drop threw up: displacements are measured from there; let the foam settle first, "
+        "in a run without an impactor but with numerics.gravity"
     )
 
 

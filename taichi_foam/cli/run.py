@@ -23,7 +23,7 @@ from taichi_foam.records.ending import Ending
 from taichi_foam.results import manifest
 from taichi_foam.results.files import drop_name, file_name, next_numbered
 from taichi_foam.results.folders import Claim, claimed, size_text
-from taichi_foam.results.result import Result, request_of, storage_bytes, write_drops
+from taichi_foam.results.result import Result, request_of, storage_bytes
 from taichi_foam.scene import Scene, block
 from taichi_foam.scene.values import settings
 
@@ -139,10 +139,11 @@ class _Work:
             place.mkdir(exist_ok=True)
             result.write(place)
         if self.is_series:
+            from taichi_foam.cli import tables
             from taichi_foam.picture import style
             from taichi_foam.picture.figures import drops_figure
 
-            write_drops(folder / TABLE, [result.summary for result in results])
+            tables.write_drops(folder / TABLE, results)
             style.save(drops_figure(results), folder / FIGURE)
 
     def table(self, results: Sequence[Result]) -> Table:

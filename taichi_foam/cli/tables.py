@@ -1,8 +1,9 @@
-"""Tables for the terminal: figures of a run, of drops, of a whole study, and those of reports."""
+"""Tables of figures: of a run, of drops, of a whole study, and those of reports."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
@@ -14,6 +15,7 @@ from taichi_foam.analysis.measures import Quantity, shown_in
 from taichi_foam.catalogue import reference_of, title
 from taichi_foam.cli.outcome import columns
 from taichi_foam.records.history import FILTER
+from taichi_foam.results.files import write_csv
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
 from taichi_foam.shim2000.compare import (
@@ -28,14 +30,22 @@ if TYPE_CHECKING:
     from taichi_foam.picture import document
 
 _OF_DROPS = {
-    q.CREST_G: f"peak g\n{FILTER}",
-    q.RAW_CREST_G: "raw",
-    q.STRAIN: "strain\n%",
-    q.RESTITUTION: "restitution",
-    q.REST: "rest height\ncm",
-    q.BROKEN: "broken\nbonds",
+    "drop": "drop",
+    q.CREST_G.key: f"peak g\n{FILTER}",
+    q.RAW_CREST_G.key: "raw",
+    q.STRAIN.key: "strain\n%",
+    q.DISPLACEMENT.key: "",
+    q.DURATION.key: "",
+    q.RESTITUTION.key: "restitution",
+    "contact_height_m": "",
+    q.REST.key: "rest height\ncm",
+    "bottomed_out": "",
+    q.BROKEN.key: "broken\nbonds",
+    q.RESIDUAL.key: "",
+    "interrupted": "",
 }
-"""Columns of the table of drops, with headers short enough for 80 columns."""
+"""Columns of the CSV of a series of drops, keys of summary.json; for those that the terminal shows
+as numbers, a header short enough for 80 columns."""
 
 
 def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
@@ -63,18 +73,29 @@ def key_figures(scene: Scene, summary: Mapping[str, Any]) -> Table:
 
 def drops(results: Sequence[Result]) -> Table:
     """The figures of drops on one block, one row each; fits 80 columns."""
-    heads = (f">{words}" for words in ("drop", *_OF_DROPS.values(), ""))
+    shown = {key: head for key, head in _OF_DROPS.items() if head}
+    heads = (f">{words}" for words in (*shown.values(), ""))
     table = _table(f"{results[0].scene.name}: drops on one block", *heads)
     for result in results:
         found = result.summary
-        texts = [each.text(found[each.key]) for each in _OF_DROPS]
         said = "interrupted" if found["interrupted"] else ""
-        table.add_row(str(result.drop), *texts, "bottomed out" if found["bottomed_out"] else said)
+        said = "bottomed out" if found["bottomed_out"] else said
+        table.add_row(*(q.MEASURES[key].text(found[key]) for key in shown), said)
     table.caption, table.caption_justify = (
         "rest height: height of the impactor's lowest point where it would rest on the final "
         "block", "left"
     )  # fmt: skip
     return table
+
+
+def write_drops(path: Path, results: Sequence[Result]) -> None:
+    """Write a CSV of drops, one row each; undefined measures are empty. Raises OSError."""
+
+    def word(value: Any) -> Any:
+        return str(value).lower() if isinstance(value, bool) else value
+
+    found = [result.summary for result in results]
+    write_csv(path, {key: [word(each[key]) for each in found] for key in _OF_DROPS})
 
 
 def study(content: Mapping[str, Any]) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from taichi_foam.laws.bond import BondLaw
 from taichi_foam.scene import Scene
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 # Where the entries of an array live, as (columns, rows) fewer than those of the mass points.
 NODES, BONDS_A, BONDS_B, CELLS = (0, 0), (1, 0), (0, 1), (1, 1)
@@ -55,14 +56,34 @@ def remembered(law: BondLaw) -> dict[str, Per]:
     }
 
 
+_OWN = "own."
+
+
+def with_prefix(own: Mapping[str, T]) -> dict[str, T]:
+    """What bonds remember, by the names that it has among arrays in files: `own.NAME`."""
+    return {_OWN + name: each for name, each in own.items()}
+
+
+def without_own(arrays: Mapping[str, T]) -> tuple[dict[str, T], dict[str, T]]:
+    """Arrays in files without what bonds remember, and that, by the names of `remembered`."""
+    others, own = {}, {}
+    for name, each in arrays.items():
+        (own if name.startswith(_OWN) else others)[name.removeprefix(_OWN)] = each
+    return others, own
+
+
+def absent_of(kind: type) -> dict[str, float | None]:
+    """Values of a class's arrays that files of other versions may lack, see `Per.absent`."""
+    return {name: told.absent for name, told in declared(kind).items()}
+
+
 def shapes_of(kind: type, scene: Scene) -> dict[str, tuple[int, ...]]:
     """Shape of each member of a class that is annotated with `Per`, and of each `own.NAME`.
 
     They are those of a scene's block; `own.NAME` is what the bonds of its law remember.
     """
     block, law = scene.block, scene.foam.law_for(scene.model)
-    own = {f"own.{name}": each for name, each in remembered(law).items()}
-    told = declared(kind) | own
+    told = declared(kind) | with_prefix(remembered(law))
     return {name: each.shape(block.columns, block.rows) for name, each in told.items()}
 
 
@@ -117,7 +138,7 @@ class Cushion:
 
         An array that is as if it were absent is left out, so that hashes of older files stay valid.
         """
-        digest, absent = hashlib.sha256(), {k: told.absent for k, told in declared(Cushion).items()}
+        digest, absent = hashlib.sha256(), absent_of(Cushion)
         for name, array in self.to_arrays().items():
             if absent.get(name) is not None and np.all(array == absent[name]):
                 continue
@@ -127,13 +148,12 @@ class Cushion:
 
     def to_arrays(self) -> dict[str, Array]:
         """Everything as arrays by name, for `numpy.savez`."""
-        return {name: np.asarray(getattr(self, name)) for name in declared(Cushion)} | {
-            f"own.{name}": array for name, array in self.own.items()
-        }
+        arrays = {name: np.asarray(getattr(self, name)) for name in declared(Cushion)}
+        return arrays | with_prefix(self.own)
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Cushion:
         """The cushion from the arrays of `to_arrays`. Raises KeyError: an array is missing."""
-        found: dict[str, Any] = {name: arrays[name] for name in declared(cls)}
-        own = {name[4:]: array for name, array in arrays.items() if name.startswith("own.")}
+        others, own = without_own(arrays)
+        found: dict[str, Any] = {name: others[name] for name in declared(cls)}
         return cls(**{name: a if a.ndim else a.item() for name, a in found.items()}, own=own)

@@ -69,6 +69,11 @@ class Record:
         height = after.get("contact_height_m")
         return self.scene.contact_height if height is None else height
 
+    @property
+    def lifted(self) -> float:
+        """How far first contact lies above that with a fresh block [m]."""
+        return self.contact_height - self.scene.contact_height
+
     def displacement(self, snapshot: Snapshot) -> float | None:
         """Downward displacement of the impactor from its start [m]; None without an impactor."""
         impactor = self.scene.impactor

@@ -10,7 +10,7 @@ import json
 import math
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.errors import UserError
-from taichi_foam.records.cushion import Cushion, declared, shapes_of
+from taichi_foam.records.cushion import Cushion, absent_of, shapes_of
 from taichi_foam.records.history import COLUMNS, History
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
@@ -237,15 +237,10 @@ def _read_cushion(path: Path, scene: Scene) -> Cushion | None:
     if not path.is_file():
         return None
     try:
-        arrays = _read_arrays(path, shapes_of(Cushion, scene), _absent(Cushion))
+        arrays = _read_arrays(path, shapes_of(Cushion, scene), absent_of(Cushion))
         return Cushion.from_arrays(arrays)
     except KeyError:
         return None
-
-
-def _absent(kind: type) -> dict[str, float | None]:
-    """Values of arrays that files of other versions lack, see `Per.absent`."""
-    return {name: told.absent for name, told in declared(kind).items()}
 
 
 def _words(error: BaseException) -> str:
@@ -275,7 +270,7 @@ def _write_snapshots(result: Result, path: Path) -> None:
 
 
 def _read_snapshots(path: Path, scene: Scene) -> list[Snapshot]:
-    arrays = _read_arrays(path, shapes(scene), _absent(Snapshot), "time")
+    arrays = _read_arrays(path, shapes(scene), absent_of(Snapshot), "time")
     return [
         snapshot_of(dict(zip(arrays, values, strict=True)))
         for values in zip(*arrays.values(), strict=True)
@@ -322,41 +317,6 @@ def _read_array(
     if shape is not None and array.shape != shape:
         raise ValueError(f"{name} has the shape {array.shape}, not {shape}")
     return array
-
-
-DROP_COLUMNS = (
-    "drop",
-    "peak_deceleration_cfc180_g",
-    "peak_deceleration_g",
-    "max_strain",
-    "max_displacement_m",
-    "impact_duration_s",
-    "restitution",
-    "contact_height_m",
-    "rest_height_m",
-    "bottomed_out",
-    "broken_bonds",
-    "energy_residual",
-    "interrupted",
-)
-"""Columns of the table of a series of drops on one block: keys of their summary.json."""
-
-
-def write_drops(path: Path, summaries: Sequence[Mapping[str, Any]]) -> None:
-    """Write a CSV with a row for each drop, in order; undefined measures are empty.
-
-    Raises OSError.
-    """
-    words = {True: "true", False: "false"}
-    write_csv(
-        path,
-        {
-            key: [
-                words[each[key]] if isinstance(each[key], bool) else each[key] for each in summaries
-            ]
-            for key in DROP_COLUMNS
-        },
-    )
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.records.cushion import shapes_of
+from taichi_foam.records.cushion import shapes_of, with_prefix, without_own
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.results.files import synced
 from taichi_foam.scene import Scene
@@ -34,7 +34,7 @@ def shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
 def values_of(snapshot: Snapshot) -> dict[str, Any]:
     """The numbers and arrays of a snapshot by name."""
     plain = {name: value for name, value in vars(snapshot).items() if name != "own"}
-    return plain | {f"own.{name}": array for name, array in snapshot.own.items()}
+    return plain | with_prefix(snapshot.own)
 
 
 def record_type(scene: Scene) -> np.dtype[Any]:
@@ -63,13 +63,11 @@ def rounded(snapshot: Snapshot, scene: Scene) -> Snapshot:
 
 def snapshot_of(values: Mapping[str, Any]) -> Snapshot:
     """A snapshot from its numbers and arrays by name."""
-    given: dict[str, Any] = {}
-    own = {}
-    for name, each in values.items():
-        if name.startswith("own."):
-            own[name[4:]] = each
-        else:
-            given[name] = each if each is None or np.ndim(each) else float(each)
+    others, own = without_own(values)
+    given: dict[str, Any] = {
+        name: each if each is None or np.ndim(each) else float(each)
+        for name, each in others.items()
+    }
     return Snapshot(**given, own=own)
 
 

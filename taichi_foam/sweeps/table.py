@@ -39,7 +39,6 @@ _GROUP_ROWS = 65_536
 _SECONDS = b"seconds"
 
 MEMBER = "member"
-_HEAD = (MEMBER, "scene", "repeat", "varied", "ending", "failure")
 _LEFT_OUT = ("scene", "interrupted")  # the hash and the ending say more
 
 
@@ -153,9 +152,10 @@ def read(shards: Sequence[Shard], columns: Sequence[str]) -> pa.Table:
 
 
 def measures(shards: Sequence[Shard], axes: Sequence[str]) -> list[str]:
-    """Columns of shards that neither are axes nor identify the drop."""
+    """Columns of shards that hold measures, and not what `_row` does."""
     names = dict.fromkeys(name for path, _ in shards for name in pq.read_schema(path).names)
-    return [name for name in names if name not in (*axes, *_HEAD)]
+    others = _row(0, None, dict.fromkeys(axes), 0, None)
+    return [name for name in names if name not in others]
 
 
 def same_in_groups(rows: pa.Table, count: int) -> list[bool]:
@@ -226,7 +226,7 @@ def _row(
     varied: float | None,
     failure: str | None = None,
 ) -> dict[str, Any]:
-    """The columns of `_HEAD` and the axes."""
+    """The columns that identify a drop, its axes, and its end."""
     shown = {key: _cell(value) for key, value in axes.items()}
     head = {MEMBER: number, "scene": scene, **shown, "repeat": repeat, "varied": varied}
     return {**head, "ending": None, "failure": failure}
