@@ -47,8 +47,7 @@ def balance(scene: Scene) -> Balance | None:
     """The energy balance of a scene; None if the scene is not suitable.
 
     It requires a level face on rails over the whole width of a rectangle of one foam on a level
-    floor, and a foam law that gives its stress. The thickness is measured from the first to the
-    last row of mass points, as in the run.
+    floor, and a foam law that gives its stress.
     """
     impactor, block = scene.impactor, scene.block
     if impactor is None or scene.is_driven or not impactor.guided or not is_flat(impactor):
@@ -66,10 +65,9 @@ def balance(scene: Scene) -> Balance | None:
     if stress is None:
         return None
     area, gravity = block.width * block.depth, scene.numerics.gravity
-    thickness = scene.contact_height - block.foot
     load = impactor.mass * gravity / area
     energy = 0.5 * impactor.mass * impactor.velocity**2 / area + load * impactor.gap
-    stop = stopping_strain(strain, stress, energy / thickness, load)
+    stop = stopping_strain(strain, stress, energy / scene.thickness, load)
     static = impactor.mass * STANDARD_GRAVITY / area
     if stop is None or -stop <= scene.foam.landmarks.limit:
         return Balance(static, None, None)

@@ -10,13 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_foam.scene import Output
+
 Array = NDArray[np.float64]
 
 ENDS = (0.05, 0.95)
 """The quantiles at the ends of a band."""
 
-# Spacing of points on the time axis of a band of curves [s], equal to that of a history's rows.
-_INTERVAL = 1e-4
+# Spacing of points on the time axis of a band of curves [s].
+_INTERVAL = Output().history_interval
 
 
 class Band(NamedTuple):

@@ -15,6 +15,17 @@ from taichi_foam.scene import Scene
 Array = NDArray[np.float64]
 
 
+def intervals(time: Array) -> Array:
+    """Length (n,) of each row's interval, from the row before [s]; 0 for the first row."""
+    return np.diff(time, prepend=time[:1])
+
+
+def mean_rates(time: Array, values: Array) -> Array:
+    """Mean rate of change (n,) of values (n,) over each row's interval [1/s]; 0 for the first."""
+    interval, change = intervals(time), np.diff(values, prepend=values[:1])
+    return np.divide(change, interval, out=np.zeros_like(time), where=interval > 0)
+
+
 def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     """The history of `scene` from rows (n, k) of the engine, see `row_columns`.
 
@@ -27,12 +38,9 @@ def history_of(scene: Scene, rows: NDArray[np.float64]) -> History:
     impactor = scene.impactor
     mass, gravity = (impactor.mass if impactor else 0.0), scene.numerics.gravity
     t, y, v = of["clock.time"], of["body.y"], of["body.v"]
-    interval = np.diff(t, prepend=t[:1])
     pulse = scene.base.shaking
     upwards = v if pulse is None else v + pulse.velocity(t)  # the engine's v is relative
-    deceleration = np.divide(
-        np.diff(upwards, prepend=upwards[:1]), interval, out=np.zeros_like(t), where=interval > 0
-    )
+    deceleration = mean_rates(t, upwards)
     # "absolute" dashpots act on mass points: they are no part of another work
     apart = {"dashpots"} if scene.model.damping == "absolute" else set()
 

@@ -1,8 +1,8 @@
 """Fracture of a block: its pieces and its cracks.
 
 Cracks are defined on the corners of the cells. Corner (p, q), p = 0..I, q = 0..J, lies in the
-reference configuration at x = (p - I/2) dX, y = `Block.row_edges`[q]. A broken bond is represented
-by the cell edge that it crosses:
+reference configuration at x = `Block.column_edges`[p], y = `Block.row_edges`[q]. A broken bond is
+represented by the cell edge that it crosses:
 
     A(i,j), sideways    the vertical edge from corner (i+1, j) to corner (i+1, j+1)
     B(i,j), upwards     the horizontal edge from corner (i, j+1) to corner (i+1, j+1)
@@ -109,7 +109,7 @@ def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
     runs between corners where it ends or meets others; a closed loop repeats its first corner.
     Every broken bond belongs to exactly one polyline.
     """
-    columns, rows = snapshot.position.shape[:2]
+    rows = snapshot.position.shape[1]
     first, second = _broken_edges(snapshot)
     at: dict[int, list[int]] = defaultdict(list)  # corner -> neighbours not yet visited
     for p, q in zip(first.tolist(), second.tolist(), strict=True):
@@ -131,7 +131,7 @@ def cracks(snapshot: Snapshot, block: Block) -> list[NDArray[np.float64]]:
                     break
             lines.append(line)
 
-    across, up = (np.arange(columns + 1) - columns / 2) * block.dx, block.row_edges
+    across, up = block.column_edges, block.row_edges
     corners = [np.divmod(line, rows + 1) for line in lines]
     points = [block.turned(np.stack([across[p], up[q]], axis=1)) for p, q in corners]
     return sorted(points, key=lambda xy: -np.abs(np.diff(xy, axis=0)).sum())
@@ -169,7 +169,7 @@ def crack_below_impactor(snapshot: Snapshot, scene: Scene) -> Crack | None:
     lines = np.zeros((columns - 1, rows), dtype=np.int32)
     ndimage.label(snapshot.broken_a & ~(crushed[:-1] & crushed[1:]), _NEXT_ROW, output=lines)
 
-    x = (np.arange(1, columns) - columns / 2) * dx
+    x = scene.block.column_edges[1:-1]
     now = impactor_now(snapshot, scene)
     assert now is not None  # there is an impactor
     axis = scene.impactor.x + snapshot.impactor_shift

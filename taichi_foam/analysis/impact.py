@@ -12,12 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis.cell_state import bonded
+from taichi_foam.analysis.columns import intervals
 from taichi_foam.laws.shape.outline import convex_hull, lower_chain
+from taichi_foam.records.cushion import Cushion
 from taichi_foam.records.record import Record
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Impactor, Scene
+from taichi_foam.scene import Block, Impactor, Scene
+from taichi_foam.scene.filling import filling, reaches
 from taichi_foam.scene.layers import foams_of_bonds
-from taichi_foam.scene.motion import width_under
+from taichi_foam.scene.motion import area_under
 
 Array = NDArray[np.float64]
 
@@ -75,6 +78,16 @@ def fell_beside(record: Record) -> bool:
     outline = impactor.outline_at(start - depth, shift, angle)
     lowest, foam = outline[np.argmin(outline[:, 1]), 0], np.array(scene.block.corners)[:, 0]
     return bool(lowest < foam.min() or lowest > foam.max())
+
+
+def contact_height(block: Block, impactor: Impactor, cushion: Cushion) -> float:
+    """Height [m] of the impactor's lowest point at first contact with a block that a run has left.
+
+    Raises ValueError: there is no foam beneath it.
+    """
+    filled = filling(block)
+    left = reaches(filled, cushion.worst_a, cushion.worst_b)
+    return height_beneath(cushion.position, impactor, left, filled.there)
 
 
 def height_beneath(
@@ -165,7 +178,7 @@ def first_contact(record: Record) -> Contact | None:
     way = way_down(record)
     reached = np.flatnonzero(way >= impactor.gap)
     # a light impactor may have left again when the row is written: check its velocity, too
-    lost = (h["deceleration_m_s2"] + record.scene.numerics.gravity) * np.diff(t, prepend=t[:1])
+    lost = (h["deceleration_m_s2"] + record.scene.numerics.gravity) * intervals(t)
     touching = (h["contact_force_N"] != 0) | (lost > _TOUCH * np.abs(v).max(initial=0.0))
     if reached.size == 0 or not touching.any():
         return None
@@ -256,13 +269,12 @@ def bottomed_out(record: Record) -> bool | None:
         return True
     if not record.snapshots:
         return None
-    width = width_under(impactor, block)
     force = max(
         float(h["contact_force_N"].max()), impactor.mass * float(h["deceleration_m_s2"].max())
     )
     foams, _, rows = foams_of_bonds(scene)
     plateau = max(foams[n].landmarks.plateau_stress for n in np.unique(rows))
-    if force < PLATEAUS * plateau * width * block.depth:
+    if force < PLATEAUS * plateau * area_under(impactor, block):
         return False
     outline = impactor_now(record.snapshots[-1], scene)
     assert outline is not None  # there is an impactor: it has touched

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.analysis.cell_state import hangs_on
+from taichi_foam.analysis.columns import intervals, mean_rates
 from taichi_foam.analysis.impact import (
     LIFTED,
     first_contact,
@@ -28,7 +29,7 @@ from taichi_foam.analysis.impact import (
 from taichi_foam.records.record import Record
 from taichi_foam.scene import Impactor
 from taichi_foam.scene.filling import filling, reaches
-from taichi_foam.scene.motion import width_under
+from taichi_foam.scene.motion import area_under
 from taichi_foam.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -102,15 +103,8 @@ def peak_resultant(record: Record) -> Peak | None:
     impactor, history = record.scene.impactor, record.history
     if impactor is None or impactor.guided:
         return None
-    interval = _intervals(record)
-    change = np.diff(history["velocity_x_m_s"], prepend=0.0)
-    sideways = np.divide(change, interval, out=np.zeros_like(interval), where=interval > 0)
+    sideways = mean_rates(history["time_s"], history["velocity_x_m_s"])
     return _largest(record, np.hypot(history["deceleration_m_s2"], sideways), is_raw=True)
-
-
-def _intervals(record: Record) -> Array:
-    time = record.history["time_s"]
-    return np.diff(time, prepend=time[:1])
 
 
 def _largest(record: Record, deceleration: Array, is_raw: bool) -> Peak | None:
@@ -122,7 +116,7 @@ def _largest(record: Record, deceleration: Array, is_raw: bool) -> Peak | None:
     if not since.any():
         return None
     top = int(np.argmax(np.where(since, deceleration, -np.inf)))
-    at = end - 0.5 * _intervals(record) if is_raw else end
+    at = end - 0.5 * intervals(end) if is_raw else end
     return Peak(float(deceleration[top]), max(float(at[top]) - touch.contact, 0.0))
 
 
@@ -308,8 +302,7 @@ def rest_height(record: Record) -> float | None:
 
 
 def max_strain(record: Record) -> float | None:
-    """Largest compression of the fresh block under the impactor's lowest point, over its thickness
-    from the first row of mass points to the height of first contact.
+    """Largest compression of the fresh block under the impactor's lowest point, over its thickness.
 
     None for a drop that began above the fresh block, over thrown-up foam.
     """
@@ -318,7 +311,7 @@ def max_strain(record: Record) -> float | None:
         return None
     if record.lifted > LIFTED * scene.block.dy:
         return None
-    return (depth - record.lifted) / (scene.contact_height - scene.block.foot)
+    return (depth - record.lifted) / scene.thickness
 
 
 # --- driven tests -------------------------------------------------------------------------------
@@ -372,19 +365,18 @@ def compression_curve(record: Record) -> tuple[Array, Array] | None:
         return None
     way = history["displacement_m"] - impactor.gap
     strain = way / (record.contact_height - block.foot)
-    width = width_under(impactor, block)
-    stress = history["contact_force_N"] / (width * block.depth)
+    stress = history["contact_force_N"] / area_under(impactor, block)
     touched = strain >= 0.0
     return strain[touched], stress[touched]
 
 
 def largest_stress(record: Record) -> Top | None:
     """Where a crosshead's stress is largest; None without one, or before it has touched."""
-    curve, block = compression_curve(record), record.scene.block
+    curve, scene = compression_curve(record), record.scene
     if curve is None or not curve[1].any():
         return None
-    assert record.scene.impactor is not None
+    assert scene.impactor is not None
     strain, stress = curve
     top = int(np.argmax(stress))
-    area = width_under(record.scene.impactor, block) * block.depth
+    area = area_under(scene.impactor, scene.block)
     return Top(float(stress[top]) * area, float(stress[top]), float(strain[top]))

@@ -28,7 +28,7 @@ from taichi_foam.analysis.fragments import Crack, parts, sizes_of
 from taichi_foam.laws.shape.outline import lower_chain
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Impactor, Scene
-from taichi_foam.scene.motion import ends_of
+from taichi_foam.scene.motion import ends_of, in_middle_half
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -226,7 +226,8 @@ def reach_ahead(snapshot: Snapshot, scene: Scene) -> float | None:
     below = np.full(block.rows, block.dy / 2)
     below[0] = block.foot
     depth = snapshot.impactor_y - snapshot.position[..., 1] + below
-    lasting = _deformed_for_good(snapshot, scene) & _middle_half(snapshot, scene.impactor)
+    middle = in_middle_half(scene.impactor, snapshot.position[..., 0])
+    lasting = _deformed_for_good(snapshot, scene) & middle
     return float(depth[lasting].max(initial=0.0))
 
 
@@ -370,12 +371,6 @@ def _path_columns(scene: Scene, impactor: Impactor, margin: float = 0.0) -> Flag
     x, (left, right) = _column_x(scene.block), ends_of(impactor)
     slack = margin + 1e-6 * scene.block.dx
     return (x > left - slack) & (x < right + slack)
-
-
-def _middle_half(snapshot: Snapshot, impactor: Impactor) -> Flags:
-    """(columns, rows) whether a mass point is now in the middle half of the impactor's width."""
-    left, right = ends_of(impactor)
-    return np.abs(snapshot.position[..., 0] - (left + right) / 2) <= (right - left) / 4
 
 
 def _distance_from_cavity(points: Array, chain: Array) -> Array:

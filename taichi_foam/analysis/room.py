@@ -22,7 +22,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Block, Scene
 from taichi_foam.scene.filling import filling
 from taichi_foam.scene.layers import foams_of_bonds
-from taichi_foam.scene.motion import ends_of
+from taichi_foam.scene.motion import in_middle_half
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -56,9 +56,7 @@ def crushed_layer(snapshot: Snapshot, scene: Scene) -> float | None:
     impactor, block = scene.impactor, scene.block
     if impactor is None or scene.turns or not is_flat(impactor) or block.lattice_angle_deg != 0:
         return None
-    left, right = ends_of(impactor)
-    offset = np.abs(block.positions[:, 0, 0] - (left + right) / 2)
-    middle = offset <= (right - left) / 4 + 1e-6 * block.dx
+    middle = in_middle_half(impactor, block.positions[:, 0, 0], slack=1e-6 * block.dx)
     part = crushed_parts(snapshot, scene)[1][middle]
     crushed = part > CRUSHED_FRACTION
     if not crushed.any():

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.impact import height_beneath
+from taichi_foam.analysis.impact import contact_height
 from taichi_foam.backend import ti
 from taichi_foam.engine.features import Features
 from taichi_foam.engine.grading import cuts
@@ -30,7 +30,7 @@ from taichi_foam.records.cushion import (
 from taichi_foam.records.history import BOOKED
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Scene
-from taichi_foam.scene.filling import Filling, filling, reaches
+from taichi_foam.scene.filling import Filling, filling
 
 Array = NDArray[np.float64]
 
@@ -387,10 +387,8 @@ def state_after(scene: Scene, cushion: Cushion) -> State:
     stretch[..., 1] = cushion.floor_stretch
     body = dict(start.body)
     if scene.impactor is not None:
-        filled = filling(scene.block)
-        left = reaches(filled, cushion.worst_a, cushion.worst_b)
-        body["y"] = height_beneath(cushion.position, scene.impactor, left, filled.there)
-        body["y"] += scene.impactor.gap
+        height = contact_height(scene.block, scene.impactor, cushion)
+        body["y"] = height + scene.impactor.gap
     work = np.zeros((1, WORKS))
     work[0, HELD_AFTER] = cushion.held
     clock = {name: getattr(cushion, name) for name in CLOCK if name in _CARRIED}

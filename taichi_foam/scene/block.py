@@ -201,6 +201,11 @@ class Block(Part):
         return 0.0 if self.mass_points == "faces" else 0.5 * self.dy
 
     @property
+    def column_edges(self) -> NDArray[np.float64]:
+        """x (columns + 1,) at which columns of cells of the unturned lattice begin and end [m]."""
+        return (np.arange(self.columns + 1.0) - self.columns / 2) * self.dx
+
+    @property
     def row_edges(self) -> NDArray[np.float64]:
         """Heights (rows + 1,) at which rows of cells begin and end [m], clipped to the block.
 

@@ -10,11 +10,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_foam.laws.shape import Impactor
 from taichi_foam.scene.block import Block
 from taichi_foam.scene.options import LONGEST_RUN, Base, Numerics
 from taichi_foam.units import STANDARD_GRAVITY, plain
+
+Array = NDArray[np.float64]
 
 _SAME = 1e-9
 """Values with a smaller relative difference are equal: a stored scene contains both, rounded."""
@@ -128,7 +131,7 @@ def problems_of_fall(
             f"impactor.velocity = {velocity:g}: impactor.drop_height = {height:g} m gives "
             f"{expected:.4g} m/s; give one of the two"
         ]
-    area, weight = width_under(impactor, block) * block.depth, impactor.mass * gravity
+    area, weight = area_under(impactor, block), impactor.mass * gravity
     if weight <= plateau_stress * area or area == 0.0:
         return []
     return [
@@ -140,10 +143,17 @@ def problems_of_fall(
     ]
 
 
-def width_under(impactor: Impactor, block: Block) -> float:
-    """Width of the block's outline under the impactor at the start [m]."""
+def area_under(impactor: Impactor, block: Block) -> float:
+    """Area of the block under the impactor at the start, from end to end of its outline [m2]."""
     foam, (left, right) = np.array(block.corners)[:, 0], ends_of(impactor)
-    return float(max(min(foam.max(), right) - max(foam.min(), left), 0.0))
+    width = float(max(min(foam.max(), right) - max(foam.min(), left), 0.0))
+    return width * block.depth
+
+
+def in_middle_half(impactor: Impactor, x: Array, slack: float = 0.0) -> NDArray[np.bool_]:
+    """Whether places x [m] lie in the middle half of the impactor's width at the start."""
+    left, right = ends_of(impactor)
+    return np.abs(x - (left + right) / 2) <= (right - left) / 4 + slack
 
 
 def ends_of(impactor: Impactor) -> tuple[float, float]:

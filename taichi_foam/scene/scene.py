@@ -207,6 +207,14 @@ class Scene(Part):
         ends = motion.ends_of(self.impactor) if self.impactor else (-math.inf, math.inf)
         return _top(self.block, self.block.positions[filled.there], *ends)
 
+    @property
+    def thickness(self) -> float:
+        """Thickness of the fresh block under the impactor's lowest point, at first contact [m].
+
+        From the first row of mass points, as that above it is what is compressed.
+        """
+        return self.contact_height - self.block.foot
+
 
 def _rebuild() -> None:
     """Rebuild the scene's classes after a law or a shape was registered."""

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_foam.analysis.impact import height_beneath
+from taichi_foam.analysis.impact import contact_height
 from taichi_foam.errors import UserError
 from taichi_foam.records.cushion import Cushion
 from taichi_foam.results.folders import differences
 from taichi_foam.results.result import Result
 from taichi_foam.scene import Scene
-from taichi_foam.scene.filling import filling, reaches
+from taichi_foam.scene.filling import filling
 from taichi_foam.scene.layers import foams_of_bonds
 from taichi_foam.scene.messages import shown
 from taichi_foam.scene.paths import by_key
@@ -70,9 +70,7 @@ class After:
         cushion, height = rested(scene, result.cushion), None
         if scene.impactor is not None:
             try:
-                filled = filling(scene.block)
-                left = reaches(filled, cushion.worst_a, cushion.worst_b)
-                height = height_beneath(cushion.position, scene.impactor, left, filled.there)
+                height = contact_height(scene.block, scene.impactor, cushion)
             except ValueError as error:
                 raise UserError(
                     f"impactor.x = {scene.impactor.x:g}: {error}, given the state in which {name} "
