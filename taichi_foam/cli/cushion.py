@@ -8,13 +8,13 @@ import typer
 
 from taichi_foam.cli.foam import foams_begun
 from taichi_foam.cli.numbers import number, numbers
-from taichi_foam.cli.options import Arch, Overwrite, Tests, Threads
+from taichi_foam.cli.options import Arch, Overwrite, Tests, Threads, Units
 from taichi_foam.cli.outcome import command
 from taichi_foam.errors import UserError
 
 if TYPE_CHECKING:
+    from taichi_foam.cushions import shown
     from taichi_foam.cushions.cushion import CushionCurve
-    from taichi_foam.cushions.shown import Units
 
 
 def cushion_command(
@@ -69,9 +69,7 @@ def cushion_command(
         typer.Option(metavar="D", help="Density of the foam [kg/m3]; default: as the foam says."),
     ] = None,
     tests: Tests = None,
-    units: Annotated[
-        str, typer.Option(metavar="si|us", help="Units of the options and of the answer.")
-    ] = "si",
+    units: Units = "si",
     out: Annotated[str | None, typer.Option(help="Folder; default cushions/FOAM.")] = None,
     arch: Arch = "cpu",
     threads: Threads = None,
@@ -120,7 +118,7 @@ def cushion_command(
         terminal.where(folder)
 
 
-def _show(terminal: Any, found: CushionCurve, used: Units) -> None:
+def _show(terminal: Any, found: CushionCurve, used: shown.Units) -> None:
     """The minima, and what is doubtful."""
     from taichi_foam.cli import tables
     from taichi_foam.cushions.cushion_chart import minima

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from taichi_foam.cli.numbers import number, numbers
-from taichi_foam.cli.options import Arch, Overwrite, Tests, Threads
+from taichi_foam.cli.options import Arch, Overwrite, Tests, Threads, Units
 from taichi_foam.cli.outcome import command
 
 
@@ -65,9 +65,7 @@ def design_command(
         float | None, typer.Option(metavar="C", help="Most extreme temperature of transport [C].")
     ] = None,
     tests: Tests = None,
-    units: Annotated[
-        str, typer.Option(metavar="si|us", help="Units of the options and of the answer.")
-    ] = "si",
+    units: Units = "si",
     out: Annotated[
         str | None, typer.Option(help="Folder for the report; default designs/MASS-FRAGILITY.")
     ] = None,

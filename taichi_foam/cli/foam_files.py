@@ -253,17 +253,7 @@ def file_of(
         for key, column in zip(("strain", "stress"), read.columns, strict=True)
         if column.over is not None
     ]
-    measured += _left_out(read)
-    if len(curve.strain) < read.loading.sum():
-        measured.append(
-            f"thinned to {len(curve.strain):,} points, each the mean of those around it"
-        )
-    if curve.smoothing > 0.0:
-        part = 100.0 * curve.smoothing / curve.plateau_stress
-        measured.append(
-            f"smoothed by at most {pressure_text(curve.smoothing)} ({part:.2g} % of the plateau), "
-            "so that the stress never falls"
-        )
+    measured += [*_left_out(read), *_reduced(read)]
     kind = TabulatedFoam
     foam: dict[str, Any] = {"law": "tabulated", "curve": curve}
     if returned is not None:
@@ -329,14 +319,8 @@ def what_was_read(path: Path, read: CompressionTest) -> Iterator[RenderableType]
     for key, column in zip(("strain", "stress"), read.columns, strict=True):
         yield Text(_column_in_words(key, column))
     yield Text(f"largest stress {pressure_text(float(read.stress.max()))}")
-    for text in _left_out(read):
+    for text in (*_left_out(read), *_reduced(read)):
         yield Text(text)
-    if len(curve.strain) < read.loading.sum():
-        yield Text(f"thinned to {len(curve.strain):,} points")
-    if curve.smoothing > 0.0:
-        yield Text(
-            f"smoothed by at most {pressure_text(curve.smoothing)}, so that the stress never falls"
-        )
     yield Text()
 
 
@@ -364,6 +348,19 @@ def _left_out(read: CompressionTest) -> Iterator[str]:
     rest = int((~read.loading).sum()) - sum(each.points for each in read.branches)
     if rest:
         yield f"left out of the curve: {rest:,} points whose strain had been reached before"
+
+
+def _reduced(read: CompressionTest) -> Iterator[str]:
+    """How the curve differs from the test's loading: fewer points, and no falling stress."""
+    curve = read.curve
+    if len(curve.strain) < read.loading.sum():
+        yield f"thinned to {len(curve.strain):,} points, each the mean of those around it"
+    if curve.smoothing > 0.0:
+        part = 100.0 * curve.smoothing / curve.plateau_stress
+        yield (
+            f"smoothed by at most {pressure_text(curve.smoothing)} ({part:.2g} % of the plateau), "
+            "so that the stress never falls"
+        )
 
 
 def from_the_curve(foam: BondFoam, fit: CrushableFit) -> Iterator[RenderableType]:

@@ -54,6 +54,9 @@ Tests = Annotated[
         "the header.",
     ),
 ]
+Units = Annotated[
+    str, typer.Option(metavar="si|us", help="Units of the options and of the answer.")
+]
 Checkpoint = Annotated[
     float | None,
     typer.Option(

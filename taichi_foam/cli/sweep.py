@@ -141,10 +141,11 @@ def collect_command(
 ) -> None:
     """Write results.csv and results.parquet from all complete drops, during a sweep or after it."""
     with command() as terminal:
-        count = _opened(folder).collect()
+        found = _opened(folder)
+        count = found.collect()
         if not count:
             raise UserError(f"{folder}: nothing is complete yet")
-        terminal.show(f"{count:,} drops in {folder}: results.csv, results.parquet")
+        terminal.show(f"{count:,} drops {_tables_in(found)}")
 
 
 @app.command("show")
@@ -265,7 +266,13 @@ def _say(terminal: Terminal, found: Sweep, standing: Standing, at_work: bool = F
         parts.append("being computed" if standing.at_work else "not being computed")
     terminal.line("; ".join(parts))
     if not at_work:
-        terminal.line(f"in {found.folder}: results.csv, results.parquet")
+        terminal.line(_tables_in(found))
+
+
+def _tables_in(found: Sweep) -> str:
+    from taichi_foam.sweeps import table
+
+    return f"in {found.folder}: {table.CSV}, {table.PARQUET}"
 
 
 def _say_balance(terminal: Terminal, found: Sweep) -> None:
