@@ -216,6 +216,7 @@ def reproduce_command(
     """Run the paper's nine impacts and write a report: tables, curves, pictures."""
     with command() as terminal:
         from taichi_foam.cli import tables
+        from taichi_foam.shim2000.impacts import brief
         from taichi_foam.shim2000.reproduce import reproduce
 
         content = reproduce(
@@ -237,7 +238,7 @@ def reproduce_command(
         terminal.where(out)
         terminal.warn(content["warnings"])
         if content["interrupted"]:
-            missing = ", ".join(name.removeprefix("paper/") for name in content["not_finished"])
+            missing = ", ".join(map(brief, content["not_finished"]))
             left = (
                 f"left out because they had not finished: {missing}"
                 if missing

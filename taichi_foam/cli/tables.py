@@ -25,6 +25,7 @@ from taichi_foam.shim2000.compare import (
     is_miss,
     median_and_allowed,
 )
+from taichi_foam.shim2000.impacts import brief
 
 if TYPE_CHECKING:
     from taichi_foam.picture import document
@@ -113,7 +114,7 @@ def study(content: Mapping[str, Any]) -> Table:
     for case in content["cases"]:
         cells = [_judged(case, quantity) for quantity in JUDGED]
         changed = "" if case["test"] else ", changed"
-        table.add_row(case["name"].removeprefix("paper/") + changed, *cells)
+        table.add_row(brief(case["name"]) + changed, *cells)
         if ensemble is not None:
             bands = [one.span(case["low"][one.key], case["high"][one.key]) for one in JUDGED]
             measured = [one.text(case["measured"][one.key]) for one in JUDGED]
@@ -152,7 +153,7 @@ def criteria(content: Mapping[str, Any]) -> Table | Text:
     for head in ("median", "allowed", "runs") if many else ("value", "allowed"):
         table.add_column(head, justify="right", no_wrap=True)
     for each in missed:
-        name = "" if each["case"] is None else f"{each['case'].removeprefix('paper/')}: "
+        name = "" if each["case"] is None else f"{brief(each['case'])}: "
         runs = [f"{each['met']} of {each['of']}"] if many else []
         table.add_row(name + each["text"], *median_and_allowed(each), *runs)
     return table

@@ -33,7 +33,7 @@ class PaperTest:
     @property
     def kind(self) -> str:
         """ "rectangular", "cylinder" or "wedge"."""
-        return self.name.removeprefix("paper/").partition("-")[0]
+        return brief(self.name).partition("-")[0]
 
     @property
     def velocity(self) -> float:
@@ -95,8 +95,8 @@ def paper_scene(name: str, choices: str = "calibrated") -> Scene:
     return catalogue.load_scene(name, choices)
 
 
-def case_folder(name: str) -> str:
-    """Folder of a case within the study's folder: wedge-2.86/ for "paper/wedge-2.86"."""
+def brief(name: str) -> str:
+    """A test's name in messages and as a folder: wedge-2.86 for "paper/wedge-2.86"."""
     return name.removeprefix("paper/")
 
 
@@ -108,14 +108,14 @@ def case_names(cases: Sequence[str] | None) -> list[str]:
     """
     if cases is None:
         return list(NAMES)
-    listed = ", ".join(map(case_folder, NAMES))
+    listed = ", ".join(map(brief, NAMES))
     wanted = [case.strip() for case in cases if case.strip()]
     if not wanted:
         raise UserError(f"cases: none given; choose from {listed}")
-    full = [f"paper/{case_folder(case)}" for case in wanted]
+    full = [f"paper/{brief(case)}" for case in wanted]
     for given, name in zip(wanted, full, strict=True):
         if name not in NAMES:
             near = difflib.get_close_matches(name, NAMES, n=1, cutoff=0.5)
-            guess = f"did you mean {case_folder(near[0])}? " if near else ""
+            guess = f"did you mean {brief(near[0])}? " if near else ""
             raise UserError(f"cases: {given!r} is not a test; {guess}Choose from {listed}")
     return list(dict.fromkeys(full))

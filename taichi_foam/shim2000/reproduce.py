@@ -27,7 +27,7 @@ from taichi_foam.results.folders import Claim, claimed
 from taichi_foam.results.result import storage_bytes
 from taichi_foam.scene.values import settings
 from taichi_foam.shim2000 import compare, report, study
-from taichi_foam.shim2000.impacts import case_folder, case_names, paper_scene
+from taichi_foam.shim2000.impacts import brief, case_names, paper_scene
 from taichi_foam.shim2000.scores import judged, scores
 from taichi_foam.shim2000.study import Case, Computed
 from taichi_foam.simulation.progress import Bars
@@ -172,13 +172,13 @@ def _entry(case: Case) -> dict[str, Any]:
 def _warnings(case: Case) -> list[str]:
     """Warnings of a case's runs, with the case's name; each warning of its members once."""
     if not case.members:
-        return [f"{case_folder(case.name)}: {text}" for text in case.figures["warnings"]]
+        return [f"{brief(case.name)}: {text}" for text in case.figures["warnings"]]
     doubtful = [member for member in case.members if member.figures["warnings"]]
     if not doubtful:
         return []
     worst = max(doubtful, key=lambda member: len(member.figures["warnings"]))
     return [
-        f"{case_folder(case.name)}: {len(doubtful)} of {len(case.members)} runs are doubtful, "
+        f"{brief(case.name)}: {len(doubtful)} of {len(case.members)} runs are doubtful, "
         f"such as that at {worst.velocity:.4g} m/s: {text}"
         for text in worst.figures["warnings"]
     ]
@@ -187,7 +187,7 @@ def _warnings(case: Case) -> list[str]:
 def _write_runs(staging: Path, computed: Computed) -> None:
     """Write each run's files into a folder of its own."""
     for result in [*(case.result for case in computed.cases), *computed.failed]:
-        folder = staging / case_folder(result.scene.name)
+        folder = staging / brief(result.scene.name)
         folder.mkdir()
         result.write(folder)
 
@@ -205,7 +205,7 @@ def _draw_films(out: Path, computed: Computed, bars: Bars) -> BaseException | No
             ExitStack() as test_before,
         ):
             for result, reel in zip(results, reels, strict=True):
-                folder, films = out / case_folder(result.scene.name), ExitStack()
+                folder, films = out / brief(result.scene.name), ExitStack()
                 drawn = films.enter_context(reel.drawn(folder, on_frame))
                 # the films of the test before were encoded while these were drawn
                 test_before.close()
