@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import COLUMNS, LIFT, ROWS, UNBREAKABLE, bench, numerics, run_to, small_scene
+from bench import COLUMNS, LIFT, PLAIN, ROWS, UNBREAKABLE, bench, numerics, run_to, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine import transfer
 from taichi_foam.engine.state import DASHPOTS, State, initial_state
 from taichi_foam.records.snapshot import Snapshot
-from taichi_foam.scene import Base, Block, FlatBlock, Model, Output, Scene, Start
+from taichi_foam.scene import Base, Block, FlatBlock, Output, Scene, Start
 from taichi_foam.scene.filling import filling
 
 K = 2.78e6
@@ -21,7 +21,7 @@ def block(shear: str) -> Scene:
     return small_scene(
         base=Base(kind="floor"),
         foam=UNBREAKABLE,
-        model=Model(self_contact=False, crushed_room=False, shear=shear),
+        model=PLAIN.model_copy(update={"shear": shear}),
         numerics=numerics(damping_time=0.0),
     )
 

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from bench import ROWS, numerics, run_to, small_scene
+from bench import PLAIN, ROWS, numerics, run_to, small_scene
 from reference_lattice import reference_positions
 from scipy.linalg import eigh, expm
 
-from taichi_foam.scene import Base, Block, Model, Scene
+from taichi_foam.scene import Base, Block, Scene
 
 K, RHO = 2.78e6, 25.6
 SOUND = math.sqrt(K / RHO)  # 330 m/s
@@ -93,7 +93,7 @@ def test_absolute_damping_slows_free_flight_and_connection_damping_does_not() ->
     for damping, rate in (("absolute", 2.78 / (RHO * 0.005**2 * 0.057)), ("stiffness", 0.0)):
         scene = small_scene(
             base=Base(kind="floor"),
-            model=Model(damping=damping, self_contact=False, crushed_room=False),
+            model=PLAIN.model_copy(update={"damping": damping}),
         )
         X = reference_positions(scene) + np.array([0.0, 0.5])
         after = run_to(scene, time, 200, position=X, velocity=np.full_like(X, 3.0))

@@ -4,7 +4,19 @@ import math
 
 import numpy as np
 import pytest
-from bench import ALL_A, ALL_B, COLUMNS, FREE, LIFT, ROWS, bench, node_forces, numerics, small_scene
+from bench import (
+    ALL_A,
+    ALL_B,
+    COLUMNS,
+    FREE,
+    LIFT,
+    PLAIN,
+    ROWS,
+    bench,
+    node_forces,
+    numerics,
+    small_scene,
+)
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine import transfer
@@ -28,7 +40,6 @@ from taichi_foam.simulation.simulate import run
 
 UNBREAKABLE = Foam(tensile_strain=2.0, shear_strain=2.0, shear_modulus=1e3)
 ROOMY = Model(self_contact=False)
-BARE = Model(self_contact=False, crushed_room=False)
 
 K, THICKNESS, CELL = 2.78e6, 0.057, 0.005
 CELLS = [(i, j) for i in range(COLUMNS - 1) for j in range(ROWS - 1)]
@@ -64,7 +75,7 @@ def folded(dx: float = CELL, seed: int = 1) -> tuple[Scene, dict]:
 
 
 def without_cells(scene: Scene) -> Scene:
-    return scene.model_copy(update={"model": BARE})
+    return scene.model_copy(update={"model": PLAIN})
 
 
 def of_cells(scene: Scene, start: dict) -> np.ndarray:
@@ -129,7 +140,7 @@ def test_straight_cells_never_meet_the_law(axes: tuple[int, ...], rate: float | 
     A free block runs into itself at up to 200 m/s, beyond densification. Its cells stay rectangles.
     """
     states = []
-    for model in (ROOMY, BARE):
+    for model in (ROOMY, PLAIN):
         foam = Foam(rate=rate, tensile_strain=1.0)
         scene = small_scene(base=FREE, foam=foam, model=model, numerics=STEPS)
         position = reference_positions(scene) + LIFT
@@ -255,7 +266,10 @@ YIELDING = small_scene(
     base=FREE, model=Model(self_contact=False, shear_yield=True), numerics=numerics(dt=1e-12)
 )
 SOFTER = YIELDING.model_copy(
-    update={"across": Across(foam=Foam(youngs_modulus=1.8e6, yield_strain=-0.03))}
+    update={
+        "across": Across(foam=Foam(youngs_modulus=1.8e6, yield_strain=-0.03)),
+        "model": Model(),
+    }
 )
 """Foam that is softer across: bonds A yield sooner, at a lower stress."""
 
@@ -386,13 +400,18 @@ def test_shear_that_has_yielded_breaks_no_bond() -> None:
     assert not whole_b[:, 12:].any()
 
 
-@pytest.mark.parametrize("law", [RecoveringFoam, TabulatedFoam])
-def test_foam_by_its_curve_yields_in_no_shear(law: type[CurveFoam]) -> None:
+# mass points as in tests of drops on such foams, whose kernels these are
+@pytest.mark.parametrize(
+    ("law", "mass_points"), [(RecoveringFoam, "faces"), (TabulatedFoam, "cells")]
+)
+def test_foam_by_its_curve_yields_in_no_shear(law: type[CurveFoam], mass_points: str) -> None:
+    block = small_scene().block.model_copy(update={"mass_points": mass_points})
     curve = Curve(strain=(0, 0.05, 0.6, 0.8), stress=(0, 1e5, 1.2e5, 5e5))
     parts = {"impactor": Wedge(angle_deg=80, shank_width=0.03, mass=0.2, velocity=6.0),
-             "foam": law(curve=curve), "numerics": Numerics(end=2e-3)}  # fmt: skip
+             "block": block, "foam": law(curve=curve), "numerics": Numerics(end=2e-3)}  # fmt: skip
     elastic, yielding = (
-        run(small_scene(model=Model(shear_yield=on), **parts)) for on in (False, True)
+        run(small_scene(model=Model(self_contact=False, shear_yield=on), **parts))
+        for on in (False, True)
     )
     assert elastic.history["displacement_m"][-1] > 2 * CELL
     np.testing.assert_array_equal(

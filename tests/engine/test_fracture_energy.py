@@ -9,7 +9,7 @@ from bench import Bench, bench, numerics
 from taichi_foam.engine import transfer
 from taichi_foam.engine.grading import limits
 from taichi_foam.laws.bond import Limit
-from taichi_foam.scene import Base, Block, Foam, Model, Numerics, Output, Scene, Start
+from taichi_foam.scene import Base, Block, Foam, Numerics, Output, Scene, Start
 from taichi_foam.simulation.simulate import run
 
 K, E_T = 2.78e6, 0.05  # Table 1
@@ -30,7 +30,6 @@ def two_columns(dx: float, dy: float, foam: Foam, times: float = 1e-4) -> Scene:
         block=Block(mass_points="cells", width=2 * dx, height=ROWS * dy, columns=2, rows=ROWS),
         foam=foam,
         base=Base(kind="floor", friction=0.0),
-        model=Model(self_contact=False),
         numerics=Numerics(end=dx / speed, damping_time=0.0, dt=times * dx / speed),
         start=Start(velocity_gradient=((2 * speed / dx, 0.0), (0.0, 0.0))),
         output=Output(history_interval=max(1e-7, 0.05 * dx / speed), snapshot_interval=1.0),

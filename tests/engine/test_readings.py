@@ -162,9 +162,7 @@ def test_a_cell_carries_shear_by_one_side_along_each_axis(
 
     All other cells are cut off: no other has a side along x and one along y.
     """
-    scene = small_scene(
-        base=FREE, foam=UNBREAKABLE, model=Model(self_contact=False, crushed_room=False)
-    )
+    scene = small_scene(base=FREE, foam=UNBREAKABLE, model=PLAIN)
     all_a = {(i, j) for i in range(COLUMNS - 1) for j in range(ROWS)} - set(SIDES_A)
     all_b = {(i, j) for i in range(COLUMNS) for j in range(ROWS - 1)} - set(SIDES_B)
     gamma = 0.05

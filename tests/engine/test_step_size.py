@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from bench import FREE, UNBREAKABLE, bench, numerics, small_scene
+from bench import FREE, PLAIN, UNBREAKABLE, bench, numerics, small_scene
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine.model import RK4_DECAY, RK4_RADIUS
@@ -93,6 +93,7 @@ def scene_of(case: Case, columns: int, rows: int) -> Scene:
             damping=case.damping,
             self_contact=False,
             crushed_room=case.crushed is not None,
+            shear_yield=False,
             shear=case.shear,
         ),
         start=Start(deformation_gradient=case.gradient),
@@ -245,7 +246,7 @@ def swing(dt: float | str, steps: int) -> float:
     scene = small_scene(
         base=FREE,
         foam=UNBREAKABLE,
-        model=Model(self_contact=False, crushed_room=False),
+        model=PLAIN,
         numerics=numerics(dt=dt, contact_stiffness=SMALL, damping_time=TAU),
     )
     position = reference_positions(scene) + np.array([0.0, 0.5])

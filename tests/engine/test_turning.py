@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import bench, numerics, small_scene
+from bench import PLAIN, bench, numerics, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.analysis.impact import impactor_now, way_down
@@ -23,7 +23,6 @@ from taichi_foam.scene import (
     FlatBlock,
     Impactor,
     IShape,
-    Model,
     Numerics,
     Outline,
     Output,
@@ -341,7 +340,7 @@ def test_where_a_body_is_drawn_is_where_it_is(body: Impactor) -> None:
     Mid-width and lowest level of the start are where the scene says.
     """
     body = body.model_copy(update={"velocity": 1.0, "gap": 0.2, "spin": 300.0})
-    scene = dropped(body, model=Model(self_contact=False, crushed_room=False))
+    scene = dropped(body, model=PLAIN)
     start = Snapshot(0.0, 0.3, *(np.zeros((2, 2)),) * 7)
     first = impactor_now(start, scene)
     assert first is not None

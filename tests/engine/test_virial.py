@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench import COLUMNS, FREE, LIFT, ROWS, bench, node_forces, numerics, small_scene
+from bench import COLUMNS, FREE, LIFT, PLAIN, ROWS, bench, node_forces, numerics, small_scene
 from reference_lattice import reference_positions
 
 from taichi_foam.engine import transfer, virial
@@ -89,7 +89,7 @@ def test_all_of_it_is_the_moment_of_the_forces(crushed_room: bool) -> None:
     scene = small_scene(
         base=FREE,
         foam=Foam(tensile_strain=2.0, shear_strain=2.0, shear_modulus=1e3),
-        model=Model(self_contact=False, crushed_room=crushed_room),
+        model=Model(self_contact=False) if crushed_room else PLAIN,
         numerics=numerics(damping_time=0.0),
     )
     rng = np.random.default_rng(3)
