@@ -5,6 +5,7 @@ Hand-made histories and lattices have answers that are known without a simulatio
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
@@ -106,6 +107,15 @@ def intact_snapshot(block: Block) -> Snapshot:
         break_time_b=np.full((columns, rows - 1), np.nan),
         shear_set=np.zeros((columns - 1, rows - 1)),
     )
+
+
+@pytest.fixture
+def quick_collections() -> Iterator[None]:
+    """`gc.collect()` looks at what the test itself makes only, not at all of a long session's."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
 
 
 @pytest.fixture

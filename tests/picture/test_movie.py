@@ -80,6 +80,7 @@ def test_a_film_of_a_run_is_small_and_shows_the_frames(tmp_path: Path) -> None:
     assert np.abs(shown - exact).mean() < 2
 
 
+@pytest.mark.usefixtures("quick_collections")
 def test_frames_are_taken_one_at_a_time(tmp_path: Path) -> None:
     seen: list[weakref.ref[np.ndarray]] = []
     most = 0

@@ -104,6 +104,7 @@ def give(study, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     return give
 
 
+@pytest.mark.usefixtures("quick_collections")
 def test_full_runs_are_let_go_but_for_the_one_to_be_shown(give: Callable) -> None:
     seen: list[weakref.ref] = []
 
