@@ -58,17 +58,13 @@ class Variant:
         return (*mesh, *limits(self.strengths, cell), *self.settings)
 
     def ensemble(self, test: str, cell: float) -> Ensemble:
-        """Always the same one, as drawing up its members takes long and a page asks again."""
-        return _ensemble(test, self.overrides(cell), self.runs[cell])
+        return Ensemble(test, self.overrides(cell), self.runs[cell])
 
     def ensembles(self, tests: tuple[str, ...]) -> Iterator[Ensemble]:
         """All of them, quick ones first."""
         for cell in self.cells:
             for test in tests:
                 yield self.ensemble(test, cell)
-
-
-_ensemble = cache(Ensemble)
 
 
 def limits(strengths: str, cell: float) -> Overrides:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from hashlib import sha256
 from typing import Any
 
@@ -45,16 +45,22 @@ class Ensemble:
     overrides: tuple[str, ...]
     velocities: int
 
-    @cached_property
+    @property
     def members(self) -> dict[str, Scene]:
         """Its scenes, by the names under which their runs are kept."""
-        scene = load_scene(self.test, "calibrated", self.overrides)
-        return {_run_name(member): member for member in members_of(scene, self.velocities)}
+        return _members(self)
 
     def runs(self, kept: Kept) -> list[Any]:
         """What is kept of its runs; [] unless all have ended."""
         found = [kept.get(name) for name in self.members]
         return found if all(found) else []
+
+
+@cache
+def _members(ensemble: Ensemble) -> dict[str, Scene]:
+    """A page asks for equal ensembles again and again, and to draw up their scenes takes long."""
+    scene = load_scene(ensemble.test, "calibrated", ensemble.overrides)
+    return {_run_name(member): member for member in members_of(scene, ensemble.velocities)}
 
 
 def compute(part: str, ensembles: Sequence[Ensemble], store: Store, bars: Bars) -> None:
