@@ -58,11 +58,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return WorkStealingScheduling(config, log)
 
 
-# Folders, and a file elsewhere, whose tests step lattices in this process: half of all the time,
+# Folders, and files elsewhere, whose tests step lattices in this process: half of all the time,
 # most of it compiling. Those that compile least come last, where a worker without work begins.
 STEPPING = (
     "test_peers.py", "simulation", "scenes", "validation", "conservation", "engine", "laws",
-    "analysis", "picture",
+    "analysis", "picture", "test_session.py", "test_cushion_chart.py",
 )  # fmt: skip
 
 
