@@ -80,6 +80,7 @@ def test_overstress_presses_too() -> None:
     """
     foam = UNBREAKABLE.model_copy(update={"rate": 100.0, "rate_exponent": 2.0})
     scene, start = state("cell", ((0.7, 0.0), (0.0, 0.65)), seed=12, foam=foam)
+    scene = scene.model_copy(update={"model": Model(self_contact=False)})
     start = lifted(start)
     forces = ReferenceLattice(scene, **start).node_forces()
     flowing = 2.78e6 * 4 * 0.005 * 0.057 * 100.0 * (0.4 / 0.05) ** 2 * 1e-12
