@@ -62,7 +62,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 # most of it compiling. Those that compile least come last, where a worker without work begins.
 STEPPING = (
     "test_peers.py", "simulation", "scenes", "validation", "conservation", "engine", "laws",
-    "analysis", "picture", "test_session.py", "test_cushion_chart.py",
+    "analysis", "test_session.py", "test_cushion_chart.py", "picture",
 )  # fmt: skip
 
 
