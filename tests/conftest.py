@@ -58,25 +58,27 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return WorkStealingScheduling(config, log)
 
 
-# Folders, and files elsewhere, whose tests step lattices in this process: half of all the time,
-# most of it compiling. Those that compile least come last, where a worker without work begins.
-STEPPING = (
-    "test_peers.py", "simulation", "scenes", "validation", "conservation", "engine", "laws",
-    "analysis", "test_session.py", "test_cushion_chart.py", "picture",
-)  # fmt: skip
+# Folders and files whose tests step lattices in this process: half of all the time, most of it
+# compiling. Hardly any of FIRST has the kernels of one of LAST.
+FIRST = ("analysis", "conservation", "engine", "scenes", "simulation", "picture")
+LAST = ("test_peers.py", "test_gpu.py", "laws", "validation", "live")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests that step lattices first, so that one worker of two compiles for all of them.
+    """Order the tests so that two workers, who begin at the start and half way, share few kernels.
 
-    The graphics device comes last: nobody else needs its kernels.
+    What one of them has left when the other is done lies between, where nothing is compiled.
     """
-    last = len(STEPPING)
 
     def place(item: pytest.Item) -> int:
-        if item.path.name == "test_gpu.py":
-            return last + 1
-        return next((n for n, name in enumerate(STEPPING) if name in item.path.parts), last)
+        for names, begin in (
+            (LAST, len(FIRST) + 1),
+            (FIRST, 0),
+        ):  # the device is not with the engine
+            for n, name in enumerate(names):
+                if name in item.path.parts:
+                    return begin + n
+        return len(FIRST)
 
     items.sort(key=place)
 
