@@ -71,10 +71,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
 
     def place(item: pytest.Item) -> int:
-        for names, begin in (
-            (LAST, len(FIRST) + 1),
-            (FIRST, 0),
-        ):  # the device is not with the engine
+        # LAST is asked first: the device's file lies in the engine's folder
+        for names, begin in ((LAST, len(FIRST) + 1), (FIRST, 0)):
             for n, name in enumerate(names):
                 if name in item.path.parts:
                     return begin + n
