@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from taichi_foam.scene import Foam, Impactor, Scene
+from taichi_foam.scene import Foam, Impactor, Model, Scene
 
 # The impactor swings on the support so many times as slowly as a node on the impactor.
 SLOWNESS = 20.0
@@ -202,6 +202,16 @@ def _checked(scene: Scene, known: Features) -> tuple[Foam, Impactor]:
     foam, impactor, model = scene.foam, scene.impactor, scene.model
     if not isinstance(foam, Foam):
         raise ValueError(f"the peers do not know the bond law {foam.law!r}")
+    model_known: dict[str, tuple[Any, ...]] = {  # of other keys the peers know the default
+        "damping": ("stiffness",),
+        "shear": ("cell",),
+        "shear_failure": ("always", "pressure-dependent"),
+        "shear_pressure_coefficient": (model.shear_pressure_coefficient,),
+        "broken_contact": ("reload",),
+        "self_contact": (False,),
+        "shear_yield": (False,),
+        "crushed_room": (False, known.room),
+    }
     refused = {
         "a scene without impactor": impactor is None,
         "an impactor that is no polygon": (
@@ -209,15 +219,6 @@ def _checked(scene: Scene, known: Features) -> tuple[Foam, Impactor]:
             and (impactor.is_circle or impactor.distance is not Impactor.distance)
         ),
         "mass points that stand for no whole cells": not scene.block.is_rectangle,
-        f"damping {model.damping!r}": model.damping != "stiffness",
-        f"shear failure {model.shear_failure!r}": (
-            model.shear_failure not in ("always", "pressure-dependent")
-        ),
-        f"broken contact {model.broken_contact!r}": model.broken_contact != "reload",
-        f"shear {model.shear!r}": model.shear != "cell",
-        "contact of pieces": model.self_contact,
-        "yield in shear": model.shear_yield,
-        "the room of crushed foam": model.crushed_room and not known.room,
         "a plateau that heeds the rate": foam.rate is not None and not known.rate,
         "a rate that grows as foam yields": (
             foam.rate is not None and foam.overshoot_strain is not None
@@ -235,6 +236,10 @@ def _checked(scene: Scene, known: Features) -> tuple[Foam, Impactor]:
         "strain rates over a crush band": foam.crush_band is not None,
         "strengths that differ": foam.strength_scatter > 0.0 or bool(scene.start.cuts),
         "a start in motion": not scene.start.is_at_rest,
+        **{
+            f"model.{key} = {value}": value not in model_known.get(key, (getattr(Model(), key),))
+            for key, value in model
+        },
     }
     if impactor is None or any(refused.values()):
         names = ", ".join(name for name, is_so in refused.items() if is_so)
