@@ -7,18 +7,7 @@ from taichi_foam.backend import ti
 from taichi_foam.engine import bonds, lanes, makeup, turning
 from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import LAST_STAGE
-from taichi_foam.engine.state import (
-    CONTACT,
-    CROWDED,
-    FRICTION,
-    HELD_BY_BASE,
-    HELD_BY_BASE_FRICTION,
-    HELD_BY_CONTACT,
-    HELD_BY_FRICTION,
-    HELD_BY_PIECES,
-    NEVER,
-    UNLISTED,
-)
+from taichi_foam.engine.state import CROWDED, NEVER, UNLISTED, WORK
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws.shape.edges import Edged
 
@@ -168,11 +157,11 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
                 on_impactor = -along / stiffness
                 if ti.static(lattice.features.turns):
                     turning.add_reaction(lattice, b, strip, pressing + rubbing, arm)
-                work[CONTACT] -= weight * pressing.dot(relative)
-                work[FRICTION] -= weight * rubbing.dot(relative)
+                work[WORK.contact] -= weight * pressing.dot(relative)
+                work[WORK.friction] -= weight * rubbing.dot(relative)
                 if stage == LAST_STAGE:
-                    work[HELD_BY_CONTACT] += 0.5 * spring * spring / stiffness
-                    work[HELD_BY_FRICTION] += 0.5 * along * along / stiffness
+                    work[WORK.held_by_contact] += 0.5 * spring * spring / stiffness
+                    work[WORK.held_by_friction] += 0.5 * along * along / stiffness
                 lattice.scratch.contact_force[b, strip] = lattice.scratch.contact_force[
                     b, strip
                 ] - (pressing.y + rubbing.y)
@@ -181,11 +170,11 @@ def touch_bodies(lattice: ti.template(), b, i, j, strip, stage, weight, p: ti.te
         standing, stretch, stored = _stand(lattice, b, i, j, stage, now, stiffness, p)
         on_floor = stretch
         pressed, rubbed = standing.xy, standing.zw
-        work[CONTACT] -= weight * pressed.dot(speed)
-        work[FRICTION] -= weight * rubbed.dot(speed)
+        work[WORK.contact] -= weight * pressed.dot(speed)
+        work[WORK.friction] -= weight * rubbed.dot(speed)
         if stage == LAST_STAGE:
-            work[HELD_BY_BASE] += stored
-            work[HELD_BY_BASE_FRICTION] += 0.5 * stiffness * stretch * stretch
+            work[WORK.held_by_base] += stored
+            work[WORK.held_by_base_friction] += 0.5 * stiffness * stretch * stretch
         force += pressed + rubbed
         lattice.state.work[b, strip] = work
     if stage == 0:
@@ -446,7 +435,7 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
         if stage == LAST_STAGE:
             held += piece_energy(lattice, b, one_node, other_node, away.norm(), touch, p)
     if stage == LAST_STAGE:
-        lattice.state.work[b, 0][HELD_BY_PIECES] = held
+        lattice.state.work[b, 0][WORK.held_by_pieces] = held
 
 
 @ti.func

@@ -11,7 +11,7 @@ from taichi_foam.backend import ti
 from taichi_foam.engine import contact, lanes, makeup
 from taichi_foam.engine.contact import INSIDE, NEW
 from taichi_foam.engine.lattice import LAST_STAGE
-from taichi_foam.engine.state import CROWDED, HELD_BY_PIECES, NEVER, book
+from taichi_foam.engine.state import CROWDED, NEVER, WORK, book
 
 vec2 = ti.types.vector(2, ti.f64)
 
@@ -232,6 +232,6 @@ def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
             total -= contact.piece_push(lattice, b, n, other, away, closing, touch, p)
             if stage == LAST_STAGE:
                 held = contact.piece_energy(lattice, b, n, other, away.norm(), touch, p)
-                book(lattice, b, strip, HELD_BY_PIECES, 0.5 * held)
+                book(lattice, b, strip, WORK.held_by_pieces, 0.5 * held)
         lattice.scratch.push[b, i, j].x[0] = total.x
         lattice.scratch.push[b, i, j].y[0] = total.y

@@ -26,12 +26,7 @@ from taichi_foam.engine.scratch import (
     STIFFEST,
     TORQUE,
 )
-from taichi_foam.engine.state import (
-    HELD_BY_PIECES,
-    LOST_BY_BONDS,
-    WORKS,
-    book,
-)
+from taichi_foam.engine.state import WORK, WORKS, book
 from taichi_foam.records.history import ENERGIES_NOW
 
 vec3 = ti.types.vector(3, ti.f64)
@@ -69,7 +64,7 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
     """Forces of a strip's bonds and cells, and the pushes on its pieces."""
     bonds.clear_bonds(lattice, b, strip)
     if stage == LAST_STAGE:
-        lattice.state.work[b, strip][HELD_BY_PIECES] = 0.0
+        lattice.state.work[b, strip][WORK.held_by_pieces] = 0.0
     stiffest = 0.0
     n = strip
     while n < lattice.counts[None].nodes:
@@ -216,7 +211,7 @@ def soften_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
         i, k = lanes.column_and_row(lattice, n)
         lost = bonds.soften_at(lattice, b, i, k, lost, p)
         n += width
-    book(lattice, b, strip, LOST_BY_BONDS, lost)
+    book(lattice, b, strip, WORK.lost_by_bonds, lost)
 
 
 @ti.func
@@ -229,4 +224,4 @@ def break_strip(lattice: ti.template(), b, strip, width, p: ti.template()):
         i, k = lanes.column_and_row(lattice, n)
         lost = bonds.break_at(lattice, b, i, k, time, lost, p)
         n += width
-    book(lattice, b, strip, LOST_BY_BONDS, lost)
+    book(lattice, b, strip, WORK.lost_by_bonds, lost)

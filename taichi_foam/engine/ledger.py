@@ -1,23 +1,21 @@
 """The energies of a lattice, and the rows of its history."""
 
+from types import SimpleNamespace
 from typing import Any
 
 from taichi_foam.backend import ti
 from taichi_foam.engine import bonds, cells, lanes, makeup
-from taichi_foam.engine.state import ABSENT, BASE, BROKEN, WORKS
+from taichi_foam.engine.state import ABSENT, BROKEN, WORK, WORKS
 from taichi_foam.records.history import BOOKED, ENERGIES_NOW, row_columns
 
 vec_now = ti.types.vector(len(ENERGIES_NOW), ti.f64)
 vec_works = ti.types.vector(WORKS, ti.f64)
 
-KINETIC = ENERGIES_NOW.index("kinetic")
-POTENTIAL = ENERGIES_NOW.index("potential")
-IN_BONDS = ENERGIES_NOW.index("in_bonds")
-IN_SHEAR = ENERGIES_NOW.index("in_shear")
-IN_ROOM = ENERGIES_NOW.index("in_room")
+ENERGY = SimpleNamespace(**{name: n for n, name in enumerate(ENERGIES_NOW)})
+"""Index of each of ENERGIES_NOW."""
 
 # What a row is made of.
-MEMBER, NOW, WORK = range(3)
+MEMBER, NOW, DONE = range(3)
 
 
 @ti.func
@@ -53,12 +51,12 @@ def energy_at(lattice: ti.template(), b, i, j, p: ti.template()) -> vec_now:
     """Energies [J] of a node and its two bonds."""
     energy = vec_now(0.0)
     for axis in range(2):  # not unrolled, so that the long law compiles once
-        energy[IN_BONDS] += _stored(lattice, axis, b, i, j, p)
+        energy[ENERGY.in_bonds] += _stored(lattice, axis, b, i, j, p)
     mass = makeup.mass(lattice, b, i, j, p)
     speed = lanes.velocity(lattice, lattice.state.motion, b, i, j)
-    energy[KINETIC] = 0.5 * mass * speed.norm_sqr()
+    energy[ENERGY.kinetic] = 0.5 * mass * speed.norm_sqr()
     height = lanes.position(lattice, lattice.state.motion, b, i, j).y
-    energy[POTENTIAL] = mass * p.gravity * height
+    energy[ENERGY.potential] = mass * p.gravity * height
     return energy
 
 
@@ -67,7 +65,7 @@ def energy_of_cells(lattice: ti.template(), b, i, k, p: ti.template()) -> vec_no
     """Energies [J] that a pack's cells store."""
     stored = cells.stored_pack(lattice, b, i, k, p)
     energy = vec_now(0.0)
-    energy[IN_SHEAR], energy[IN_ROOM] = stored[0], stored[1]
+    energy[ENERGY.in_shear], energy[ENERGY.in_room] = stored[0], stored[1]
     return energy
 
 
@@ -85,12 +83,12 @@ def add_strips(lattice: ti.template(), b):
 def write_row(lattice: ti.template(), b, energy: vec_now, by_nodes: vec_works):
     """Append a row to the lattice's history; `by_nodes` are the works booked by its nodes."""
     works = by_nodes
-    works[BASE] += lattice.state.body[b].support_work
+    works[WORK.base] += lattice.state.body[b].support_work
     row = lattice.state.clock[b].rows
     for n, kind, source in ti.static(_sources(lattice)):
         if ti.static(kind == NOW):
             lattice.scratch.history[b, row, n] = energy[source]
-        elif ti.static(kind == WORK):
+        elif ti.static(kind == DONE):
             lattice.scratch.history[b, row, n] = works[source]
         else:
             lattice.scratch.history[b, row, n] = source[b]
@@ -104,7 +102,7 @@ def _sources(lattice: Any) -> list[tuple[int, int, Any]]:
         if name in ENERGIES_NOW:
             found.append((n, NOW, ENERGIES_NOW.index(name)))
         elif name in BOOKED:
-            found.append((n, WORK, BOOKED.index(name)))
+            found.append((n, DONE, BOOKED.index(name)))
         elif name in lattice.numbers:
             found.append((n, MEMBER, lattice.singles[lattice.numbers.index(name)]))
         else:

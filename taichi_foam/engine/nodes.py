@@ -7,21 +7,13 @@ a CPU a strip is a column.
 from taichi_foam.backend import ti
 from taichi_foam.engine import cells, contact, driving, lanes, makeup, turning
 from taichi_foam.engine.lattice import LAST_STAGE
-from taichi_foam.engine.state import (
-    BASE,
-    BONDS,
-    DASHPOTS,
-    HELD_BY_BASE,
-    HELD_BY_BASE_FRICTION,
-    HELD_BY_CONTACT,
-    HELD_BY_FRICTION,
-    PIECES,
-    ROOM,
-    SHEAR,
-    book,
-)
+from taichi_foam.engine.state import WORK, book
 from taichi_foam.laws import contact as contact_law
 from taichi_foam.laws import elementary
+
+HELD_BY_BODIES = (
+    WORK.held_by_contact, WORK.held_by_friction, WORK.held_by_base, WORK.held_by_base_friction,
+)  # fmt: skip
 
 # A node this far away [m] or this fast [m/s] belongs to a run that has diverged: waves in the foam
 # travel at hundreds of metres per second. Breaking bonds may keep such a run finite.
@@ -71,13 +63,13 @@ def node_pack(
         if contact.is_pushed(lattice, b, i, k):
             push_x, push_y = contact.pushes_on(lattice, b, i, k)
             by_pieces = -(push_x * now.u + push_y * now.v).sum()
-            book(lattice, b, strip, PIECES, weight * by_pieces)
+            book(lattice, b, strip, WORK.pieces, weight * by_pieces)
             force_x += push_x
             force_y += push_y
     if ti.static(lattice.features.drag):
         drag = p.drag * makeup.shares_of_points(lattice, b, i, k)
         by_drag = (drag * (now.u * now.u + now.v * now.v)).sum()
-        book(lattice, b, strip, DASHPOTS, weight * by_drag)
+        book(lattice, b, strip, WORK.dashpots, weight * by_drag)
         force_x -= drag * now.u
         force_y -= drag * now.v
     # held nodes have zero mobility: a branch for them would prevent vectorisation
@@ -88,7 +80,7 @@ def node_pack(
         shake, moves = driving.shake(lattice, b), mobility.y > 0.0
         a_y -= ti.select(moves, shake, 0.0)
         momentum = ti.select(moves, now.v / mobility.y, 0.0).sum()
-        book(lattice, b, strip, BASE, weight * shake * momentum)
+        book(lattice, b, strip, WORK.base, weight * shake * momentum)
     rate_x, rate_y, rate_u, rate_v = weight * now.u, weight * now.v, weight * a_x, weight * a_y
     if stage > 0:
         before = lattice.state.increment[b, i, k]
@@ -152,9 +144,7 @@ def clear_nodes(lattice: ti.template(), b, strip, stage):
         lattice.scratch.torque[b, strip] = 0.0
     lattice.scratch.tally[b, strip].by_bonds = lanes.zeros(lattice)
     if stage == LAST_STAGE:
-        for held in ti.static(
-            (HELD_BY_CONTACT, HELD_BY_FRICTION, HELD_BY_BASE, HELD_BY_BASE_FRICTION)
-        ):
+        for held in ti.static(HELD_BY_BODIES):
             lattice.state.work[b, strip][held] = 0.0
         lattice.scratch.tally[b, strip].moved = lanes.zeros(lattice)
         lattice.scratch.tally[b, strip].diverged = lanes.zeros(lattice)
@@ -170,11 +160,11 @@ def close_nodes(lattice: ti.template(), b, strip, stage):
     """
     weight = stage_weight(stage, lattice.state.clock[b].step)
     tally = ti.static(lattice.scratch.tally)
-    book(lattice, b, strip, BONDS, weight * tally[b, strip].by_bonds.sum())
-    book(lattice, b, strip, SHEAR, weight * tally[b, strip].sheared.sum())
-    book(lattice, b, strip, DASHPOTS, weight * tally[b, strip].damped.sum())
+    book(lattice, b, strip, WORK.bonds, weight * tally[b, strip].by_bonds.sum())
+    book(lattice, b, strip, WORK.shear, weight * tally[b, strip].sheared.sum())
+    book(lattice, b, strip, WORK.dashpots, weight * tally[b, strip].damped.sum())
     if ti.static(lattice.features.crushed_room):
-        book(lattice, b, strip, ROOM, weight * tally[b, strip].pressed.sum())
+        book(lattice, b, strip, WORK.room, weight * tally[b, strip].pressed.sum())
 
 
 @ti.func

@@ -6,6 +6,7 @@ follow are the same to the last bit.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import numpy as np
@@ -51,28 +52,11 @@ DIVERGED = 3
 CROWDED = 4
 EMPTY = 5  # nothing is loaded
 
-# Members of a strip's work [J]. Works that the nodes do on each part of the model, positive where
-# the nodes lose energy:
-BONDS = BOOKED.index("bonds")
-SHEAR = BOOKED.index("shear")
-ROOM = BOOKED.index("room")
-DASHPOTS = BOOKED.index("dashpots")
-CONTACT = BOOKED.index("contact")
-FRICTION = BOOKED.index("friction")
-PIECES = BOOKED.index("pieces")
-BASE = BOOKED.index("base")
-# stored energy lost when bonds broke and cells let go:
-LOST_BY_BONDS = BOOKED.index("lost_by_bonds")
-LOST_BY_SHEAR = BOOKED.index("lost_by_shear")
-LOST_BY_ROOM = BOOKED.index("lost_by_room")
-# and energy that contacts store, not accumulated but the value at the end of the last step:
-HELD_BY_CONTACT = BOOKED.index("held_by_contact")
-HELD_BY_FRICTION = BOOKED.index("held_by_friction")
-HELD_BY_BASE = BOOKED.index("held_by_base")
-HELD_BY_BASE_FRICTION = BOOKED.index("held_by_base_friction")
-HELD_BY_PIECES = BOOKED.index("held_by_pieces")
+WORK = SimpleNamespace(**{name: n for n, name in enumerate(BOOKED)})
+"""Index of each member of a strip's work [J], see `records.history.BOOKED`."""
 WORKS = len(BOOKED)
-HELD_AFTER = [HELD_BY_BASE, HELD_BY_BASE_FRICTION, HELD_BY_PIECES]  # kept for the next impact
+HELD_AFTER = [WORK.held_by_base, WORK.held_by_base_friction, WORK.held_by_pieces]
+"""What is kept for the next impact."""
 
 
 @ti.dataclass
@@ -294,20 +278,17 @@ def snapshot_of(
     stress: NDArray[np.float32] | None = None,
 ) -> Snapshot:
     """A snapshot from parts of a state; of the arrays, only the `seen` ones are needed."""
+    same = {name: arrays[name] for name in declared(Snapshot) if name in ARRAYS}
     return Snapshot(
         time=clock["time"],
         impactor_y=np.nan if body["y"] == NEVER else body["y"],
-        position=arrays["position"],
-        velocity=arrays["velocity"],
         e_min_a=arrays["worst_a"],
         e_min_b=arrays["worst_b"],
-        break_time_a=arrays["break_time_a"],
-        break_time_b=arrays["break_time_b"],
-        shear_set=arrays["shear_set"],
         impactor_shift=turn.get("x", 0.0),
         impactor_angle=turn.get("angle", 0.0),
         own=own,
         stress=stress,
+        **same,
     )
 
 

@@ -40,7 +40,8 @@ BOOKED: tuple[str, ...] = (
     "held_by_base", "held_by_base_friction",    # of floor and support,
     "held_by_pieces",                           # and of pieces
 )  # fmt: skip
-"""Quantities that strips of nodes accumulate as they step."""
+"""Quantities that strips of nodes accumulate as they step; works are positive where the nodes lose
+energy. What contacts store is not accumulated, but is the value at the end of the last step."""
 
 
 @dataclass(frozen=True)

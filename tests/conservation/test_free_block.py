@@ -8,7 +8,7 @@ from bench import COLUMNS, LIFT, PLAIN, ROWS, UNBREAKABLE, bench, numerics, run_
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine import transfer
-from taichi_foam.engine.state import DASHPOTS, State, initial_state
+from taichi_foam.engine.state import WORK, State, initial_state
 from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Base, Block, FlatBlock, Output, Scene, Start
 from taichi_foam.scene.filling import filling
@@ -173,7 +173,7 @@ def test_a_damped_block_that_spins_keeps_its_angular_momentum(name: str) -> None
         while transfer.take(loaded.lattice, 0).clock["time"] < 4e-3 * (1 - 1e-9):
             loaded.step(500)
         after = transfer.take(loaded.lattice, 0)
-    assert after.work[:, DASHPOTS].sum() > 1e-3 * kinetic(mass, state)
+    assert after.work[:, WORK.dashpots].sum() > 1e-3 * kinetic(mass, state)
     middle = state.position.mean(axis=(0, 1))
 
     def angular_momentum(now: State) -> float:

@@ -20,7 +20,7 @@ from bench import (
 from reference_lattice import ReferenceLattice, reference_positions
 
 from taichi_foam.engine import transfer
-from taichi_foam.engine.state import ROOM, State, state_after
+from taichi_foam.engine.state import WORK, State, state_after
 from taichi_foam.laws.bond import Curve
 from taichi_foam.laws.bond.by_curve import CurveFoam
 from taichi_foam.laws.bond.kinds.tabulated import TabulatedFoam
@@ -148,7 +148,7 @@ def test_straight_cells_never_meet_the_law(axes: tuple[int, ...], rate: float | 
         velocity[..., [axis for axis in (0, 1) if axis not in axes]] = 0.0
         with bench(scene, position=position, velocity=velocity) as loaded:
             states.append([loaded.step(500) for _ in range(10)])
-            assert not loaded.work[..., ROOM].any()
+            assert not loaded.work[..., WORK.room].any()
     for one, other in zip(*states, strict=True):
         for name in ("position", "velocity", "e_min_a", "e_min_b"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

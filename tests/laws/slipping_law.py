@@ -94,10 +94,6 @@ class Slipping(BondLaw):
         return 0.0
 
     @ti.func
-    def shear_modulus(self, c: ti.template()):
-        return c.shear_modulus
-
-    @ti.func
     def fails(
         self, c: ti.template(), e, sigma_e, tau, history: ti.template(), size, tensile, strength
     ):
@@ -106,19 +102,3 @@ class Slipping(BondLaw):
     @ti.func
     def largest_stiffness(self, c: ti.template()) -> ti.f64:
         return 2.0 * c.youngs_modulus
-
-    @ti.func
-    def contact_stress(
-        self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
-    ) -> ti.f64:
-        return c.youngs_modulus * (gap - touch) / length
-
-    @ti.func
-    def contact_energy(
-        self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
-    ) -> ti.f64:
-        return 0.5 * c.youngs_modulus * (gap - touch) * (gap - touch) / (length * length)
-
-    @ti.func
-    def piece_stiffness(self, c: ti.template()) -> ti.f64:
-        return c.youngs_modulus

@@ -240,6 +240,8 @@ class BondLaw:
     """Whether a history also changes in time: `flowed` updates it before each step."""
     looks_around: bool = False
     """Whether `flowed` depends on the bonds around (`heeds_rate` only)."""
+    only_flows: bool = False
+    """Whether `met` changes nothing: a history changes in time alone (`heeds_rate` only)."""
     yields_in_shear: bool = False
     """Whether shear and crush have one yield surface (Model.shear_yield)."""
     shears_stiffer: bool = False
@@ -351,8 +353,8 @@ class BondLaw:
 
     @ti.func
     def shear_modulus(self, c: ti.template()):
-        """Shear modulus [Pa]."""
-        raise NotImplementedError
+        """Shear modulus [Pa]: tau = G gamma (Eq. 25)."""
+        return c.shear_modulus
 
     @ti.func
     def fails(
@@ -416,18 +418,22 @@ class BondLaw:
     ) -> ti.f64:
         """Stress [Pa] of the foam between a node and its support, at a distance `gap` [m].
 
-        The foam is `length` thick at rest, and `touch` as crushing has left it [m].
+        The foam is `length` thick at rest, and `touch` as crushing has left it [m]. By default it
+        is elastic.
         """
-        raise NotImplementedError
+        return c.youngs_modulus * (gap - touch) / length
 
     @ti.func
     def contact_energy(
         self, c: ti.template(), gap: ti.f64, touch: ti.f64, length: ti.f64
     ) -> ti.f64:
         """Energy that this foam stores, over face times length [J/m3]."""
-        raise NotImplementedError
+        return 0.5 * c.youngs_modulus * (gap - touch) * (gap - touch) / (length * length)
 
     @ti.func
     def piece_stiffness(self, c: ti.template()) -> ti.f64:
-        """Stress between two pieces over their overlap in cells [Pa], a constant of the foam."""
-        raise NotImplementedError
+        """Stress between two pieces over their overlap in cells [Pa], a constant of the foam.
+
+        Pieces are elastic: the foam behind their faces crushes, by bonds that remember it.
+        """
+        return c.youngs_modulus

@@ -216,11 +216,6 @@ class Crushing(BondLaw):
         return PACKED * c.youngs_modulus
 
     @ti.func
-    def piece_stiffness(self, c: ti.template()) -> ti.f64:
-        """Pieces are elastic: the foam behind their faces crushes, by bonds that remember it."""
-        return c.youngs_modulus
-
-    @ti.func
     def skeleton_stress(self, c: ti.template(), e, history: ti.template(), broken):
         """The stress as if the plateau had no end, as (numerator, divisor > 0)."""
         turn = self.turn_at(e, history)
@@ -265,11 +260,6 @@ class Crushing(BondLaw):
     def largest_stiffness(self, c: ti.template()) -> ti.f64:
         """The largest d(sigma_e)/de before densification [Pa]: elastic, or in re-tension."""
         return ti.max(c.youngs_modulus, c.crushed_tensile_stress / c.crushed_tensile_strain)
-
-    @ti.func
-    def shear_modulus(self, c: ti.template()):
-        """tau = G gamma (Eq. 25)."""
-        return c.shear_modulus
 
     @ti.func
     def contact_stress(
