@@ -131,8 +131,12 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, booked: ti.template()
         now_lost = _hold_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, lost, p)
         if ti.static(lattice.features.shear_yields):
             _note_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
-    elif ti.static(lattice.features.crushed_room):
-        lattice.scratch.presses[b, i, k] = 0
+    else:
+        # a higher lattice may have had cells here
+        if ti.static(lattice.features.crushed_room):
+            lattice.scratch.presses[b, i, k] = 0
+        if ti.static(lattice.features.shear_yields):
+            lattice.scratch.excess_shear[b, i, k] = ti.cast(lanes.zeros(lattice), ti.f32)
     if ti.static(lattice.law.looks_around):
         _look_around(lattice, b, i, k)
     return now_lost

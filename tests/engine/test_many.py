@@ -6,7 +6,7 @@ from bench import assert_same, small_scene
 from test_same_numbers import impacts
 
 from taichi_foam.errors import Interrupted, RunError
-from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene
+from taichi_foam.scene import Block, FlatBlock, Numerics, Output, Scene, Wedge
 from taichi_foam.simulation import batches
 from taichi_foam.simulation.simulate import Progress, run, run_many, simulate_many
 
@@ -47,6 +47,20 @@ def test_a_lattice_that_has_ended_makes_room_and_leaves_no_trace() -> None:
     for scene, result in zip(scenes, together, strict=True):
         assert result.scene == scene
         assert_same(run(scene), result)
+
+
+def test_a_higher_block_leaves_no_trace_in_a_lower_one() -> None:
+    """They have the same fields. The lower one's top row is alone in its pack, where the higher one
+    had cells that were sheared."""
+
+    def indented(rows: int) -> Scene:
+        block = Block(width=0.06, height=5e-3 * (rows - 1), columns=12, rows=rows)
+        wedge = Wedge(angle_deg=90, mass=0.2, velocity=4.0)
+        return small_scene(block=block, impactor=wedge, numerics=Numerics(end=4e-3))
+
+    before = run(indented(21))
+    run(indented(24))
+    assert_same(before, run(indented(21)))
 
 
 def test_some_of_many_end_before_others_begin(monkeypatch: pytest.MonkeyPatch) -> None:
