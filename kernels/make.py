@@ -3,8 +3,8 @@
 This takes twenty minutes on two cores. It computes what most users compute first, starting from an
 empty cache, and packs the kernels that Taichi has compiled beside the engine (see
 `taichi_foam/engine/kernel_cache.py`). Run it again after changing a kernel, on a processor that
-LLVM 15 knows and that has 256-bit vectors. An Intel one is better: for AMD's LLVM unrolls loops
-that are seldom used, which makes the largest kernels half as large again.
+LLVM 15 knows and that has 256-bit vectors. Prefer an Intel one: on an AMD processor LLVM also
+unrolls loops that are seldom used, and the largest kernels are half as large again.
 """
 
 import json

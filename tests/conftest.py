@@ -10,6 +10,7 @@ import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 # Folders and files whose tests step lattices in this process: half of all the time, most of it
 # compiling. Hardly any of FIRST has the kernels of one of LAST.
+TESTS = Path(__file__).parent
 FIRST = ("analysis", "conservation", "engine", "scenes", "simulation", "picture")
 LAST = ("test_peers.py", "test_gpu.py", "laws", "validation", "live")
 
@@ -74,7 +76,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         # LAST is asked first: the device's file lies in the engine's folder
         for names, begin in ((LAST, len(FIRST) + 1), (FIRST, 0)):
             for n, name in enumerate(names):
-                if name in item.path.parts:
+                if name in item.path.relative_to(TESTS).parts:
                     return begin + n
         return len(FIRST)
 

@@ -21,7 +21,7 @@ DROPPED = (
     r"lattice\.state\.work\[b, strip\]\[member\] = .+",
     r"(lattice\.scratch\.)?tally\[b, strip\]\.by_bonds = .+",
     r"(?<!\.)tally\[b, strip\]\.(sheared|damped|pressed) = .+",
-    r"work\[\w+\] [-+]= .+",
+    r"work\[WORK\.\w+\] [-+]= .+",
     r"lattice\.state\.work\[b, strip\] = work",
 )
 

@@ -68,7 +68,7 @@ class Quantity:
 
     def words(self, value: float | None) -> str:
         """As `text`, with the unit."""
-        return self.text(value) if value is None else f"{self.text(value)} {self.unit}"
+        return self.text(value) if value is None else f"{self.text(value)} {self.unit}".rstrip()
 
     def span(self, low: float | None, high: float | None) -> str:
         """A band, formatted; ∞ as upper end if it includes runs where the figure is undefined."""

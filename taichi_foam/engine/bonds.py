@@ -295,6 +295,7 @@ def bond_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti.
             lattice, B, stage, b, i, k, strip, up_x, up_y, up_squared, up_length,
             lanes.above(u, trial.u, b, i, k) - u, lanes.above(v, trial.v, b, i, k) - v, p,
         )  # fmt: skip
+        # after those of the bonds, which keeps the order of this sum
         if ti.static(not lattice.features.faces):
             tally[b, strip].damped = tally[b, strip].damped + damped
     force[sweep, slot, k].bx = force_x

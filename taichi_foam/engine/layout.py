@@ -7,12 +7,12 @@ from taichi_foam.backend import ti
 from taichi_foam.engine import runtime
 from taichi_foam.engine.lanes import CPU_LANES
 
-# Room in the neighbour list per node of the lattice: pairs, and candidates that have a pair. The
-# paper's tests need up to 0.7 and 0.3; shattered foam needs more. Big blocks do not shatter as a
-# whole: with 13,000 nodes the fastest cylinder and wedge need up to 0.32 and 0.20.
+# Room in the neighbour list per node of small and of big lattices: pairs, and candidates that have
+# a pair. The paper's tests need up to 0.7 and 0.3; shattered foam needs more. Big blocks do not
+# shatter as a whole: with 13,000 nodes the fastest cylinder and wedge need up to 0.32 and 0.20.
 SMALL_BLOCK = 50_000
-PAIRS = {"small": 2.0, "big": 0.6}
-CANDIDATES = {"small": 1.0, "big": 0.3}
+PAIRS = 2.0, 0.6
+CANDIDATES = 1.0, 0.3
 
 # Columns of forces that a sweep keeps: those left of, at and right of a node, the sweep's last
 # column and the one beyond it, and a column of zeros for both sides of the lattice.
@@ -77,6 +77,11 @@ def sweeps_of(columns: int, most: int) -> int:
     return max(1, min(columns // 5, most))
 
 
+def _places(nodes: int, of_small: float, of_big: float) -> int:
+    """Places in a list: no fewer in a bigger lattice."""
+    return int(max(of_small * min(nodes, SMALL_BLOCK), of_big * nodes))
+
+
 def bins_of(count: int) -> int:
     """Bins of the search grid along `count` columns or rows, with room for fragments flying off."""
     return count + count // 4 + 4
@@ -123,9 +128,8 @@ class Layout:
             most = SWEEPS if self.nodes < SMALL_BLOCK else 4 * int(settings["threads"])
             self.sweeps = sweeps_of(columns, most)
             self.slots = SWEEP_SLOTS
-        size = "small" if self.nodes < SMALL_BLOCK else "big"
-        self.most_pairs = int(PAIRS[size] * self.nodes)
-        self.most_candidates = int(CANDIDATES[size] * self.nodes)
+        self.most_pairs = _places(self.nodes, *PAIRS)
+        self.most_candidates = _places(self.nodes, *CANDIDATES)
         self.bins_x, self.bins_y = bins_of(columns), bins_of(rows)
         self.pack = ti.types.vector(self.lanes, ti.f64)
         self.small_pack = ti.types.vector(self.lanes, ti.f32)

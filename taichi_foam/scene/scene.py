@@ -211,7 +211,7 @@ class Scene(Part):
     def thickness(self) -> float:
         """Thickness of the fresh block under the impactor's lowest point, at first contact [m].
 
-        From the first row of mass points, as that above it is what is compressed.
+        From the first row of mass points: the foam above it is what is compressed.
         """
         return self.contact_height - self.block.foot
 

@@ -41,7 +41,7 @@ BREAKING = small_scene(
         angle_deg=80, shank_width=0.02, mass=0.1, velocity=16.0, friction=0.22, gap=0.001
     ),
     base=Base(kind="floor"),
-    foam=Foam(densification_b=2.0),
+    foam=Foam(densification_b=2.0),  # as in other tests, whose kernels these are
     model=Model(shear_failure="always"),
     numerics=Numerics(end=1.45e-3),
     output=SAVED,

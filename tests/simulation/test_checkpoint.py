@@ -33,7 +33,7 @@ def impact(velocity: float = 15.0, end: float = 5e-3, **parts: object) -> Scene:
     wedge = Wedge(angle_deg=60, shank_width=0.02, mass=0.1, velocity=velocity, friction=0.5)
     given: dict[str, object] = {
         "impactor": wedge,
-        "foam": Foam(densification_b=2.0),
+        "foam": Foam(densification_b=2.0),  # as in other tests, whose kernels these are
         "model": Model(shear_failure="always"),
         "numerics": Numerics(end=end),
         "output": Output(history_interval=5e-5, snapshot_interval=1e-3),

@@ -58,7 +58,7 @@ class Ensemble:
 
 @cache
 def _members(ensemble: Ensemble) -> dict[str, Scene]:
-    """A page asks for equal ensembles again and again, and to draw up their scenes takes long."""
+    """Scenes of an ensemble. Pages ask for equal ones again and again, and drawing up is slow."""
     scene = load_scene(ensemble.test, "calibrated", ensemble.overrides)
     return {_run_name(member): member for member in members_of(scene, ensemble.velocities)}
 
