@@ -237,8 +237,8 @@ def _checked(scene: Scene, known: Features) -> tuple[Foam, Impactor]:
         "strengths that differ": foam.strength_scatter > 0.0 or bool(scene.start.cuts),
         "a start in motion": not scene.start.is_at_rest,
         **{
-            f"model.{key} = {value}": value not in model_known.get(key, (getattr(Model(), key),))
-            for key, value in model
+            f"model.{key} = {value}": value not in model_known.get(key, (default,))
+            for (key, value), (_, default) in zip(model, Model(), strict=True)
         },
     }
     if impactor is None or any(refused.values()):
