@@ -46,18 +46,17 @@ def _remember(
 
 @ti.func
 def _bond(
-    lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip, reach_x, reach_y, along_u,
-    along_v, p: ti.template(),
+    lattice: ti.template(), axis: ti.template(), stage, b, i, k, strip, reach_x, reach_y, squared,
+    length, along_u, along_v, p: ti.template(),
 ):  # fmt: skip
     """Strain of a pack of bonds, and their forces [N] on their first nodes, without stiffening.
 
     `reach` and `along` are the differences of position [m] and velocity [m/s] between the bonds'
-    nodes. The first stage, whose state is the accepted one, updates what they remember; the last
-    stage, whose state is that at the step's end, finds the bonds that fail.
+    nodes, `length` and `squared` the size of `reach` [m] and its square. The first stage, whose
+    state is the accepted one, updates what they remember; the last stage, whose state is that at
+    the step's end, finds the bonds that fail.
     """
     bonds, tally = ti.static(lattice.state.bonds[axis], lattice.scratch.tally)
-    squared = reach_x * reach_x + reach_y * reach_y
-    length = ti.sqrt(squared)
     e = kinematics.engineering_strain(length * (1.0 / p.cell[axis]))
     condition = bonds[b, i, k].condition
     there, whole = condition > ABSENT, condition > BROKEN
@@ -77,15 +76,19 @@ def _bond(
     # seam of two sweeps are visited by both: doing this twice gives the same result
     packed = lattice.law.stiffens_at(e, history)
     tally[b, strip].least = elementary.smaller(ti.select(there, packed, 0.0), tally[b, strip].least)
-    if stage == 0:
-        _remember(lattice, axis, b, i, k, there, history)
-    closing = reach_x * along_u + reach_y * along_v
-    dashpot = makeup.shares(lattice, axis, b, k, p).dashpot / squared
-    if ti.static(lattice.features.softens):
-        dashpot *= ti.cast(bonds[b, i, k].intact, ti.f64)
-    drag = ti.select(whole, dashpot * closing, 0.0)
-    tally[b, strip].damped = tally[b, strip].damped + drag * closing
-    # this branch keeps the compiler from merging both parts into one sum, lane by lane
+    if ti.static(not lattice.law.only_flows):  # noqa: SIM102 - the static test must stand alone
+        if stage == 0:
+            _remember(lattice, axis, b, i, k, there, history)
+    drag = lanes.zeros(lattice)
+    if lanes.any_of(whole):
+        closing = reach_x * along_u + reach_y * along_v
+        dashpot = makeup.shares(lattice, axis, b, k, p).dashpot / squared
+        if ti.static(lattice.features.softens):
+            dashpot *= ti.cast(bonds[b, i, k].intact, ti.f64)
+        drag = ti.select(whole, dashpot * closing, 0.0)
+        tally[b, strip].damped = tally[b, strip].damped + drag * closing
+    # this branch and the one above keep the compiler from merging all parts into one sum, lane by
+    # lane
     if stage == LAST_STAGE:
         _look_for_failure(lattice, axis, b, i, k, strip, reach_x, reach_y, e, history, p)
     normal = makeup.face(lattice, axis, b, i, k, p) * numerator / (divisor * length)
@@ -267,25 +270,36 @@ def bond_pack(lattice: ti.template(), stage, b, i, k, strip, sweep, slot, p: ti.
     dashpots, and at the last stage the number of bonds that break.
     """
     trial, force = ti.static(lattice.scratch.trial, lattice.scratch.force)
+    tally = ti.static(lattice.scratch.tally)
     x, y = trial[b, i, k].x, trial[b, i, k].y
     u, v = trial[b, i, k].u, trial[b, i, k].v
+    right_x, right_y = trial[b, i + 1, k].x - x, trial[b, i + 1, k].y - y
+    up_x, up_y = lanes.above(x, trial.x, b, i, k) - x, lanes.above(y, trial.y, b, i, k) - y
+    right_squared, up_squared = right_x * right_x + right_y * right_y, up_x * up_x + up_y * up_y
+    # roots take long, and all of a bond waits for its length: meanwhile the cells are computed
+    right_length, up_length = ti.sqrt(right_squared), ti.sqrt(up_squared)
+    damped = lanes.zeros(lattice)
+    if ti.static(not lattice.features.faces):
+        damped = cells.shear_pack(lattice, b, i, k, strip, sweep, slot, p)
+    elif ti.static(lattice.features.cells):
+        cells.clear_pack(lattice, sweep, slot, k)
     a_strain, force_x, force_y = _bond(
-        lattice, A, stage, b, i, k, strip, trial[b, i + 1, k].x - x, trial[b, i + 1, k].y - y,
+        lattice, A, stage, b, i, k, strip, right_x, right_y, right_squared, right_length,
         trial[b, i + 1, k].u - u, trial[b, i + 1, k].v - v, p,
     )  # fmt: skip
     force[sweep, slot, k].ax = force_x
     force[sweep, slot, k].ay = force_y
-    b_strain, force_x, force_y = _bond(
-        lattice, B, stage, b, i, k, strip,
-        lanes.above(x, trial.x, b, i, k) - x, lanes.above(y, trial.y, b, i, k) - y,
-        lanes.above(u, trial.u, b, i, k) - u, lanes.above(v, trial.v, b, i, k) - v, p,
-    )  # fmt: skip
+    b_strain, force_x, force_y = lanes.zeros(lattice), lanes.zeros(lattice), lanes.zeros(lattice)
+    if lanes.reaches_up(lattice, k):
+        b_strain, force_x, force_y = _bond(
+            lattice, B, stage, b, i, k, strip, up_x, up_y, up_squared, up_length,
+            lanes.above(u, trial.u, b, i, k) - u, lanes.above(v, trial.v, b, i, k) - v, p,
+        )  # fmt: skip
+        # after those of the bonds, which keeps the order of this sum
+        if ti.static(not lattice.features.faces):
+            tally[b, strip].damped = tally[b, strip].damped + damped
     force[sweep, slot, k].bx = force_x
     force[sweep, slot, k].by = force_y
-    if ti.static(not lattice.features.faces):
-        cells.shear_pack(lattice, b, i, k, strip, sweep, slot, p)
-    elif ti.static(lattice.features.cells):
-        cells.clear_pack(lattice, sweep, slot, k)
     return a_strain, b_strain
 
 
@@ -401,10 +415,11 @@ def flow_pack(lattice: ti.template(), b, i, k, p: ti.template()):
     motion = ti.static(lattice.state.motion)
     x, y = motion[b, i, k].x, motion[b, i, k].y
     _flow(lattice, A, b, i, k, motion[b, i + 1, k].x - x, motion[b, i + 1, k].y - y, p)
-    _flow(
-        lattice, B, b, i, k,
-        lanes.above(x, motion.x, b, i, k) - x, lanes.above(y, motion.y, b, i, k) - y, p,
-    )  # fmt: skip
+    if lanes.reaches_up(lattice, k):
+        _flow(
+            lattice, B, b, i, k,
+            lanes.above(x, motion.x, b, i, k) - x, lanes.above(y, motion.y, b, i, k) - y, p,
+        )  # fmt: skip
 
 
 @ti.func

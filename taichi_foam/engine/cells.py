@@ -123,12 +123,22 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, booked: ti.template()
 
     Returns `lost` plus the stored energies lost, of shear and of room [J].
     """
-    d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
-    if ti.static(lattice.features.shear_yields):
-        _yield_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, booked, p)
-    now_lost = _hold_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, lost, p)
-    if ti.static(lattice.features.shear_yields):
-        _note_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
+    now_lost = lost
+    if lanes.reaches_up(lattice, k):
+        d1x, d1y, d2x, d2y = _diagonals_of(lattice.state.motion.x, lattice.state.motion.y, b, i, k)
+        if ti.static(lattice.features.shear_yields):
+            _yield_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, booked, p)
+        now_lost = _hold_pack(lattice, b, i, k, d1x, d1y, d2x, d2y, lost, p)
+        if ti.static(lattice.features.shear_yields):
+            _note_shear(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
+    else:
+        # a higher lattice may have had cells here
+        if ti.static(lattice.features.crushed_room):
+            lattice.scratch.presses[b, i, k] = 0
+        if ti.static(lattice.features.shear_yields):
+            lattice.scratch.excess_shear[b, i, k] = ti.cast(lanes.zeros(lattice), ti.f32)
+    if ti.static(lattice.law.looks_around):
+        _look_around(lattice, b, i, k)
     return now_lost
 
 
@@ -137,8 +147,6 @@ def _hold_pack(
     lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, lost: vec2, p: ti.template()
 ):  # fmt: skip
     """Update what a pack's cells hold, and find whether any may press.
-
-    If the law asks for it, also find what is around the pack's bonds.
 
     A cell's hold only falls, and is frozen during a step, so that all stages see one potential.
     Returns `lost` plus the stored energies lost, of shear and of room [J].
@@ -187,8 +195,6 @@ def _hold_pack(
                     now_lost[1] += volume * (share * (before - hold) * energy).sum()
     if ti.static(lattice.features.crushed_room):
         lattice.scratch.presses[b, i, k] = near
-    if ti.static(lattice.law.looks_around):
-        _look_around(lattice, b, i, k)
     return now_lost
 
 
@@ -364,10 +370,10 @@ def stored_pack(lattice: ti.template(), b, i, k, p: ti.template()) -> vec2:
 
 @ti.func
 def shear_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.template()):
-    """Shear forces [N] of a pack's cells at a stage, kept in `slot`, and their powers.
+    """Shear forces [N] of a pack's cells at a stage, kept in `slot`; tallies the power of shear.
 
     The forces are those on the second ends of both diagonals; the opposite forces act on the first
-    ends. All act along the diagonals.
+    ends. All act along the diagonals. Returns the power of the cells' dashpots [W].
     """
     trial, tally = ti.static(lattice.scratch.trial, lattice.scratch.tally)
     d1x, d1y, d2x, d2y = _diagonals_of(trial.x, trial.y, b, i, k)
@@ -380,7 +386,6 @@ def shear_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.templa
     viscosity = makeup.shares(lattice, B, b, k, p).shear_viscosity
     viscous = half * closing * (viscosity * (0.5 / (p.cell.x * p.cell.y)))
     tally[b, strip].sheared = tally[b, strip].sheared + elastic * closing
-    tally[b, strip].damped = tally[b, strip].damped + viscous * closing
     pull = elastic + viscous
     pushes = ti.static(lattice.scratch.cell_push)
     pushes[sweep, slot, k].x1 = -pull * d1x
@@ -391,6 +396,7 @@ def shear_pack(lattice: ti.template(), b, i, k, strip, sweep, slot, p: ti.templa
         _harden_pack(
             lattice, b, i, k, strip, sweep, slot, half, d1x, d1y, d2x, d2y, d1u, d1v, d2u, d2v, p
         )
+    return viscous * closing
 
 
 @ti.func

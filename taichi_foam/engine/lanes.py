@@ -33,6 +33,15 @@ def column_and_row(lattice: ti.template(), node):
 
 
 @ti.func
+def reaches_up(lattice: ti.template(), k) -> ti.i32:
+    """Whether any node of a pack has one above it; the top row may be alone in the last pack.
+
+    Bonds B and cells of a pack without are not computed: what others read of them must be 0.
+    """
+    return ti.i32(k * lattice.lanes < lattice.counts[None].rows - 1)
+
+
+@ti.func
 def zeros(lattice: ti.template()):
     """A pack of zeros."""
     return ti.Vector.zero(ti.f64, ti.static(lattice.lanes))

@@ -240,6 +240,9 @@ class BondLaw:
     """Whether a history also changes in time: `flowed` updates it before each step."""
     looks_around: bool = False
     """Whether `flowed` depends on the bonds around (`heeds_rate` only)."""
+    only_flows: bool = False
+    """Whether `met` changes nothing: a history changes in time alone (`heeds_rate` only). The
+    engine then stores no history within a step."""
     yields_in_shear: bool = False
     """Whether shear and crush have one yield surface (Model.shear_yield)."""
     shears_stiffer: bool = False

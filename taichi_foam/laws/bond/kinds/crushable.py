@@ -276,6 +276,10 @@ class Crushable(Crushing):
     def looks_around(self) -> bool:
         return self.overshoots
 
+    @property
+    def only_flows(self) -> bool:
+        return self.heeds_rate
+
     @ti.func
     def densified(self, c: ti.template(), e):
         """Stress of the densification branch and its slope (Eq. 26c, both brackets positive).
@@ -298,7 +302,7 @@ class Crushable(Crushing):
     def met(self, c: ti.template(), e, history: ti.template()):
         """Rate-dependent foam only flows; see `flowed`."""
         now = history
-        if ti.static(not self.heeds_rate):
+        if ti.static(not self.only_flows):
             now.worst = elementary.smaller(e, history.worst)
         return now
 
