@@ -2,9 +2,8 @@
 
 This takes twenty minutes on two cores. It computes what most users compute first, starting from an
 empty cache, and packs the kernels that Taichi has compiled beside the engine (see
-`taichi_foam/engine/kernel_cache.py`). Run it again after changing a kernel, on a processor that
-LLVM 15 knows and that has 256-bit vectors. Prefer an Intel one: on an AMD processor LLVM also
-unrolls loops that are seldom used, and the largest kernels are half as large again.
+`taichi_foam/engine/kernel_cache.py`). Run it again after changing a kernel, on any processor with
+256-bit vectors: kernels are those for one processor (`processor.py`).
 """
 
 import json
@@ -13,8 +12,10 @@ import sys
 import tarfile
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count, environ
+from os import cpu_count, environ, pathsep
 from pathlib import Path
+
+from processor import copy_for_one_processor
 
 from taichi_foam.catalogue import list_scenes
 from taichi_foam.cushions.scenes import SHAPES
@@ -95,8 +96,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         cache = folder / "cache"
+        copy_for_one_processor(folder)
         settings = {
             **environ,
+            "PYTHONPATH": pathsep.join(filter(None, (name, environ.get("PYTHONPATH")))),
             "TI_OFFLINE_CACHE_FILE_PATH": str(cache),
             "TI_ADVANCED_OPTIMIZATION": "1",  # see `engine/effort.py`; its marks are packed too
         }

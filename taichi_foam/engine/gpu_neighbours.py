@@ -8,7 +8,7 @@ Threads call each part for their strip; all must finish one part before any begi
 """
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import contact, lanes, makeup
+from taichi_foam.engine import bonds, contact, lanes, makeup
 from taichi_foam.engine.contact import INSIDE, NEW
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import CROWDED, NEVER, WORK, book
@@ -213,6 +213,13 @@ def close_list(lattice: ti.template(), b):
 
 
 @ti.func
+def _lost(lattice: ti.template(), b, n) -> ti.f64:
+    """How many bonds a listed node lacks over the number of its partners."""
+    i, j = lanes.column_and_row(lattice, n)
+    return ti.f64(bonds.lost_bonds(lattice, b, i, j)) / lattice.state.partner_count[b, n]
+
+
+@ti.func
 def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
     """The pushes [N] of a node's partners on it; each pair is computed once for each node."""
     count = lattice.state.partner_count[b, n]
@@ -220,6 +227,7 @@ def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
         i, j = lanes.column_and_row(lattice, n)
         point = _point(lattice, lattice.scratch.trial, b, n)
         speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)
+        own_lost = _lost(lattice, b, n)
         total = vec2(0.0)
         for m in range(count):
             other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
@@ -229,7 +237,8 @@ def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
             touch = contact.touch_of(
                 lattice.state.radius[b, i, j][0], lattice.state.radius[b, oi, oj][0]
             )
-            total -= contact.piece_push(lattice, b, n, other, away, closing, touch, p)
+            lost = ti.min(own_lost, _lost(lattice, b, other))
+            total -= contact.piece_push(lattice, b, n, other, away, closing, touch, lost, p)
             if stage == LAST_STAGE:
                 held = contact.piece_energy(lattice, b, n, other, away.norm(), touch, p)
                 book(lattice, b, strip, WORK.held_by_pieces, 0.5 * held)

@@ -380,8 +380,7 @@ def parameters_of(scene: Scene) -> dict:
         "piece_length": math.sqrt(block.dx * block.dy),
         "piece_size": model.piece_size,
         "piece_friction": model.piece_friction,
-        # half a bond's: the bound on the step counts eight of them, equal to four bonds'
-        "piece_dashpot": 0.5 * numerics.damping_time * stiffness,
+        "piece_dashpot": _piece_dashpot(scene),
         "thickness": block.depth,
         "skin": 0.1 * cell,
         "step": 0.0 if numerics.dt == "auto" else numerics.dt,
@@ -473,8 +472,8 @@ def _impactor_rate(scene: Scene, contact: float) -> float:
 def _foam(scene: Scene, graded: Grading, n: int) -> dict:
     """Every member of `foam_type` for foam `n` of a scene's block, by name."""
     block, foam = scene.block, graded.foams[n]
-    areas = block.dy * block.depth, block.dx * block.depth
-    along, across = _viscosities(scene, foam)
+    dashpots = _dashpots(scene, foam)
+    _, across = _viscosities(scene, foam)
     tension, shear = limits(foam, block)
     rates = rate_shares(foam, block)
     shares = [
@@ -484,7 +483,7 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
             "tensile_tail": tension[axis].tail,
             "shear_tail": shear[axis].tail,
             "flow_share": 1.0 / rate,
-            "dashpot": along * (areas[axis] / (block.dx, block.dy)[axis]) * rate,
+            "dashpot": dashpots[axis],
             "shear_viscosity": across * math.sqrt(math.prod(rates)),
         }
         for axis, rate in enumerate(rates)
@@ -495,6 +494,21 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
         "b": shares[B],
         **_masses(block, graded.places == n),
     }
+
+
+def _dashpots(scene: Scene, foam: BondFoam) -> tuple[float, float]:
+    """Dashpots [N s/m] of a foam's bonds A and B."""
+    block = scene.block
+    along, _ = _viscosities(scene, foam)
+    rate_a, rate_b = rate_shares(foam, block)
+    a = along * (block.dy * block.depth / block.dx) * rate_a
+    return a, along * (block.dx * block.depth / block.dy) * rate_b
+
+
+def _piece_dashpot(scene: Scene) -> float:
+    """Dashpot [N s/m] between whole nodes that rub: the least of a bond's, if bonds have any."""
+    least = min(min(_dashpots(scene, foam)) for foam in grading(scene).foams)
+    return least or scene.numerics.damping_time * scene.foam.youngs_modulus * scene.block.depth
 
 
 def _whole_mass(block: Block) -> float:
@@ -592,8 +606,8 @@ def _fastest_rate(
     bonds, 4 r G Z from its cells' shear (twice that if bonds carry it), 4 r k_r from the cells'
     room, where r is a cell's longer side over its shorter one, 16 k from pieces, and once
     the contact with a body (its normal and friction forces act at right angles). A light impactor's
-    oscillation adds to it. Dashpots are bounded likewise, with eight more of pieces that slide and
-    a drag at C / m.
+    oscillation adds to it. Dashpots are bounded likewise, of four bonds or of pieces that rub in
+    their place, with a drag at C / m.
     """
     per_length = p.area / p.cell
     elastic = lattice.law.largest_stiffness(foam.bond) * per_length.max()
@@ -620,10 +634,11 @@ def _fastest_rate(
     squared = of_bonds / foam.bond_mass + of_cells / foam.cell_mass + of_pieces / foam.piece_mass
     squared += p.contact_stiffness / p.node_mass
     decays = 4.0 * (foam.a.dashpot + foam.b.dashpot) / foam.bond_mass
+    if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
+        # in place of bonds that a node lacks
+        decays = ti.max(decays, 8.0 * p.piece_dashpot / foam.piece_mass)
     decays += 4.0 * per_length.max() * foam.b.shear_viscosity / foam.cell_mass
     decays += p.drag / foam.piece_mass
-    if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
-        decays += 8.0 * p.piece_dashpot / foam.piece_mass
     return ti.max(ti.sqrt(squared + p.impactor_rate), decays * (RK4_RADIUS / RK4_DECAY))
 
 

@@ -412,7 +412,7 @@ class StateFields:
     room, surface, hold, shear_set   see State
     body, turn, clock, work, overlap   see State
     pairs, candidate_node, candidate, place_in_list   the neighbour list on a CPU: pairs of
-               candidates; the candidates' nodes; their positions, velocities and radii; the place
+               candidates; the candidates' nodes; what pairs read of them, see Candidate; the place
                of each node in the list of candidates, or UNLISTED
     partners, partner_start, partner_count, radius   the neighbour list on a GPU: the nodes that
                each node may touch
@@ -480,6 +480,7 @@ class StateFields:
             self.lists = {
                 "candidate_node": self.candidate_node,
                 "radius": self.candidate.get_member_field("radius"),
+                "lost": self.candidate.get_member_field("lost"),
                 "first": self.pairs.get_scalar_field(0),
                 "second": self.pairs.get_scalar_field(1),
             }
@@ -494,6 +495,7 @@ class Candidate:
     u: ti.f64  # [m/s]
     v: ti.f64
     radius: ti.f64  # [m]
+    lost: ti.f64  # bonds that it lacks, per partner
 
 
 @ti.func

@@ -418,8 +418,12 @@ def _put_neighbours(lattice: Lattice, b: int, kept: Mapping[str, NDArray[Any]]) 
             lists["first"], lists["second"] = kept["pairs"].T
     for name, field in lattice.state.lists.items():
         if name in lists:
-            kind = np.float64 if name == "radius" else np.int32
-            _put_list(field, b, np.ascontiguousarray(lists[name], dtype=kind))
+            _put_list(field, b, np.ascontiguousarray(lists[name], dtype=_kind(name)))
+
+
+def _kind(name: str) -> type:
+    """Type of the numbers of a neighbour list's field."""
+    return np.float64 if name in ("radius", "lost") else np.int32
 
 
 def _take_neighbours(
@@ -436,12 +440,13 @@ def _take_neighbours(
         counts = {
             "candidate_node": candidates,
             "radius": candidates,
+            "lost": candidates,
             "first": pairs,
             "second": pairs,
         }
     kept = {}
     for name, count in counts.items():
-        kept[name] = np.zeros(count, dtype=np.float64 if name == "radius" else np.int32)
+        kept[name] = np.zeros(count, dtype=_kind(name))
         _take_list(lattice.state.lists[name], b, kept[name])
     if not lattice.on_gpu:
         kept["pairs"] = np.stack([kept.pop("first"), kept.pop("second")], axis=1)

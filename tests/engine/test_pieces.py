@@ -181,7 +181,7 @@ def test_points_that_were_torn_too_near_have_their_radii_back_once_free() -> Non
 def test_points_that_slide_rub_by_mu_times_the_push(friction: float, sideways: float) -> None:
     """One gives the other its speed v along the normal, and mu v of that across.
 
-    The dashpot tau K Z / 2, at 3 m/s, could give 4 N where mu times the push is 0.25 N at most:
+    The dashpot tau K Z, at 3 m/s, could give 8 N where mu times the push is 0.25 N at most:
     they slide all the time. Meanwhile the normal turns by 3 m/s * 35 us over 5 mm, 0.02, half of it
     until the push is largest: of mu v there is an error of 0.01 v, and in v one of 0.01 times the
     sideways speed, which is kept from the test by taking the turned normal.
@@ -205,7 +205,7 @@ def test_points_that_slide_rub_by_mu_times_the_push(friction: float, sideways: f
 
 
 def test_points_that_hardly_slide_are_dragged_by_a_dashpot() -> None:
-    """c = tau K Z / 2 on the relative speed: over the touch it falls by exp(-2 c T / m).
+    """c = tau K Z, a bond's, on the relative speed: over the touch it falls by exp(-2 c T / m).
 
     Friction 5 holds what the dashpot gives but where the push is small, at both ends of the touch:
     where 5 k v sin(w t) / w is below c u, for 0.2 % of it each.
@@ -219,9 +219,40 @@ def test_points_that_hardly_slide_are_dragged_by_a_dashpot() -> None:
         steps,
     )
     one, other = turned @ after.velocity[ONE], turned @ after.velocity[OTHER]
-    dashpot = 0.5 * 1e-6 / 0.057 * STIFFNESS
+    dashpot = 1e-6 / 0.057 * STIFFNESS
     # the normal turns by u T / 5 mm, some 1e-4, and takes 2e-4 m/s of the approach with it
     left = sideways * math.exp(-2.0 * dashpot * TOUCH / MASS)
     assert left < 0.1 * sideways
     assert one[1] - other[1] == pytest.approx(left, abs=0.02 * sideways)
     np.testing.assert_allclose(one + other, [approach, sideways], rtol=1e-12)
+
+
+def test_a_point_in_a_crowd_rubs_as_if_it_had_its_bonds() -> None:
+    """Six others close in on it: it lacks four bonds, so each has 4/6 of a bond's dashpot c.
+
+    The six lines have directions that add up to 3 along any other: it is braked by 3 * 4/6 c. Its
+    springs then act too, by 3 k v t, up to 0.9 % of that; friction holds from 1 % of the time on.
+    """
+    approach, room, step, steps = 20.0, 1e-9, 1e-9, 100
+    scene = small_scene(
+        base=Base(kind="floor"),
+        model=Model(piece_size=1.0, piece_friction=5.0),
+        numerics=numerics(dt=step),
+    )
+    position = reference_positions(scene) * 3.0
+    velocity = np.zeros_like(position)
+    for n, node in enumerate([(6, 12), (6, 14), (6, 10), (3, 12), (3, 9), (6, 8)]):
+        angle = 0.4 + n * math.pi / 3
+        way = np.array([math.cos(angle), math.sin(angle)])
+        position[node] = position[ONE] + (CELL + room) * way
+        velocity[node] = -approach * way
+    velocity[ONE] = [0.003, 0.004]
+    with bench(
+        scene, position=position, velocity=velocity, broken_a=ALL_A, broken_b=ALL_B
+    ) as loaded:
+        after = loaded.step(steps)
+    dashpot = 1e-6 / 0.057 * STIFFNESS
+    braked = 2.0 * dashpot * (step * steps - room / approach) / MASS
+    np.testing.assert_allclose(
+        after.velocity[ONE], (1.0 - braked) * velocity[ONE], rtol=0.02 * braked
+    )

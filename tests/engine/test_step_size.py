@@ -215,6 +215,15 @@ def test_pieces_count_as_whole_ones_in_crumbs() -> None:
     assert counted == pytest.approx(16.0, rel=1e-9)
 
 
+def test_pieces_that_rub_shorten_no_step() -> None:
+    """Their dashpots are in place of those of bonds that they lack."""
+    rubbing, smooth = (
+        small_scene(base=FREE, model=Model(piece_friction=friction), numerics=Numerics(end=1e-4))
+        for friction in (0.5, 0.0)
+    )
+    assert run(rubbing).history["dt_s"][0] == run(smooth).history["dt_s"][0]
+
+
 def fastest_of(points: np.ndarray, radii: np.ndarray) -> float:
     """The largest eigenvalue of points (n, 2) with springs of 1 where discs touch or nearly do."""
     stiffness = np.zeros((len(points), 2, len(points), 2))
