@@ -31,6 +31,7 @@ OPEN_AREA = 1.5
 NEAR = 0.05
 
 vec2 = ti.types.vector(2, ti.f64)
+Losses = vec2  # of stored energies [J]: of shear, of room
 
 
 @ti.func
@@ -118,7 +119,7 @@ def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.tem
 
 
 @ti.func
-def look_pack(lattice: ti.template(), b, i, k, lost: vec2, booked: ti.template(), p: ti.template()):
+def look_pack(lattice: ti.template(), b, i, k, lost: Losses, booked: ti.template(), p: ti.template()):
     """Update a pack's cells between two steps; `booked` as in `look_column`.
 
     Returns `lost` plus the stored energies lost, of shear and of room [J].
@@ -144,7 +145,7 @@ def look_pack(lattice: ti.template(), b, i, k, lost: vec2, booked: ti.template()
 
 @ti.func
 def _hold_pack(
-    lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, lost: vec2, p: ti.template()
+    lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, lost: Losses, p: ti.template()
 ):  # fmt: skip
     """Update what a pack's cells hold, and find whether any may press.
 
@@ -291,7 +292,7 @@ def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.templ
 
     A state that has just been put is only looked at: its cells have lost nothing since.
     """
-    pressing, lost = 0, vec2(0.0)
+    pressing, lost = 0, Losses(0.0)
     for k in range(lattice.counts[None].packs):
         lost = look_pack(lattice, b, i, k, lost, booked, p)
         if ti.static(lattice.features.crushed_room):
@@ -303,7 +304,7 @@ def look_column(lattice: ti.template(), b, i, booked: ti.template(), p: ti.templ
 
 
 @ti.func
-def book_lost(lattice: ti.template(), b, strip, lost: vec2):
+def book_lost(lattice: ti.template(), b, strip, lost: Losses):
     """Book the energies that a strip's cells have lost, see `look_pack`."""
     book(lattice, b, strip, WORK.lost_by_shear, lost[0])
     book(lattice, b, strip, WORK.lost_by_room, lost[1])

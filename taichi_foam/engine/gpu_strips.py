@@ -85,7 +85,7 @@ def bond_strip(lattice: ti.template(), stage, b, strip, width, p: ti.template())
 @ti.func
 def look_strip(lattice: ti.template(), b, strip, width, booked: ti.template(), p: ti.template()):
     """`cells.look_column` for a strip's cells."""
-    lost = cells.vec2(0.0)
+    lost = cells.Losses(0.0)
     n = strip
     while n < lattice.counts[None].nodes:
         i, k = lanes.column_and_row(lattice, n)
