@@ -104,6 +104,12 @@ def main() -> int:
             "TI_ADVANCED_OPTIMIZATION": "1",  # see `engine/effort.py`; its marks are packed too
         }
 
+        used = [sys.executable, "-c", "import taichi; print(taichi.__file__)"]
+        found = subprocess.run(used, env=settings, capture_output=True, text=True, check=True)
+        if name not in found.stdout:
+            print(f"Taichi's copy is not used, but {found.stdout}", file=sys.stderr)
+            return 1
+
         def run(command: list[str]) -> subprocess.CompletedProcess[str]:
             done = subprocess.run(
                 command, env=settings, capture_output=True, text=True, check=False

@@ -10,7 +10,6 @@ import os
 import re
 import shutil
 import struct
-import sys
 from itertools import count
 from pathlib import Path
 
@@ -23,9 +22,9 @@ RELATIVE = 8  # the kind of relocation that adds the load address (R_X86_64_RELA
 
 
 def copy_for_one_processor(folder: Path) -> None:
-    """Copy Taichi's package to `folder`, with PROCESSOR for every processor.
+    """Copy Taichi's package to `folder`, with PROCESSOR for every processor: Linux on x86-64 only.
 
-    Raises LookupError if this version of Taichi has no such table.
+    Raises LookupError if Taichi's library has no table as expected.
     """
     import taichi
 
@@ -71,7 +70,11 @@ def _changed(file: bytes, parts: list[tuple[int, int, int]]) -> bytes:
 
 
 def _table(parts: list[tuple[int, int, int]]) -> tuple[list[int], int]:
-    """Addresses of the table's entries, and that of PROCESSOR among them."""
+    """Addresses of the table's entries, and that of PROCESSOR among them.
+
+    The table is sorted by name. So it is where a pointer to the name of PROCESSOR is followed, at
+    distances of an entry, by pointers to ever later names, and preceded by ever earlier ones.
+    """
     memory = {start: ctypes.string_at(start, end - start) for start, end, _ in parts}
     names = [
         start + match.start() + 1
@@ -93,7 +96,8 @@ def _table(parts: list[tuple[int, int, int]]) -> tuple[list[int], int]:
         for start, data in memory.items():
             for match in re.finditer(re.escape(struct.pack("<Q", name)), data):
                 own = start + match.start()
-                before, after = [], []
+                before: list[int] = []
+                after: list[int] = []
                 for found, sign in ((before, -1), (after, 1)):
                     last = PROCESSOR
                     for n in count(1):
@@ -105,7 +109,3 @@ def _table(parts: list[tuple[int, int, int]]) -> tuple[list[int], int]:
                 if len(before) > 10 and len(after) > 10:
                     return [*before, own, *after], own
     raise LookupError("Taichi's library has no table of processors as expected")
-
-
-if __name__ == "__main__":
-    copy_for_one_processor(Path(sys.argv[1]))

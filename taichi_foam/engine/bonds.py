@@ -592,29 +592,29 @@ def is_whole(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
 @ti.func
 def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
     """Whether any of the node's four bonds is broken or absent."""
-    return ti.i32(lost_bonds(lattice, b, i, j) > 0)
-
-
-@ti.func
-def lost_bonds(lattice: ti.template(), b, i, j) -> ti.i32:
-    """How many of a node's four bonds are broken or absent; 0 where there is no node."""
-    whole = (
+    return ti.i32(
         is_whole(lattice, A, b, i, j)
         + is_whole(lattice, A, b, i - 1, j)
         + is_whole(lattice, B, b, i, j)
         + is_whole(lattice, B, b, i, j - 1)
+        < 4 * makeup.is_there(lattice, b, i, j)
     )
-    return 4 * makeup.is_there(lattice, b, i, j) - whole
 
 
 @ti.func
 def is_torn(lattice: ti.template(), b, i, j) -> ti.i32:
     """Whether any of the node's bonds is broken."""
-    return ti.i32(
+    return ti.i32(broken_bonds(lattice, b, i, j) > 0)
+
+
+@ti.func
+def broken_bonds(lattice: ti.template(), b, i, j) -> ti.i32:
+    """How many of the node's bonds are broken."""
+    return (
         _is_broken(lattice, A, b, i, j)
-        | _is_broken(lattice, A, b, i - 1, j)
-        | _is_broken(lattice, B, b, i, j)
-        | _is_broken(lattice, B, b, i, j - 1)
+        + _is_broken(lattice, A, b, i - 1, j)
+        + _is_broken(lattice, B, b, i, j)
+        + _is_broken(lattice, B, b, i, j - 1)
     )
 
 

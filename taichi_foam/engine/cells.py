@@ -119,7 +119,9 @@ def _shear_energy(lattice: ti.template(), b, i, k, d1x, d1y, d2x, d2y, p: ti.tem
 
 
 @ti.func
-def look_pack(lattice: ti.template(), b, i, k, lost: Losses, booked: ti.template(), p: ti.template()):
+def look_pack(
+    lattice: ti.template(), b, i, k, lost: Losses, booked: ti.template(), p: ti.template()
+):  # fmt: skip
     """Update a pack's cells between two steps; `booked` as in `look_column`.
 
     Returns `lost` plus the stored energies lost, of shear and of room [J].

@@ -348,19 +348,19 @@ def pushes_on(lattice: ti.template(), b, i, k):
 
 @ti.func
 def piece_push(
-    lattice: ti.template(), b, one, two, away: vec2, closing: vec2, touch: ti.f64, lost: ti.f64,
+    lattice: ti.template(), b, one, two, away: vec2, closing: vec2, touch: ti.f64, torn: ti.f64,
     p: ti.template(),
 ) -> vec2:  # fmt: skip
     """Force [N] on node `one` from node `two`, both given by their numbers.
 
     `away` is the vector from `one` to `two` [m], `closing` the velocity of `two` relative to `one`
     [m/s] and `touch` the distance at which they touch [m]; if both vectors are reversed, so is the
-    force. `lost` is the number of bonds that a node lacks over that of its partners, of the node
-    with fewer. The normal force is elastic, by the softer foam; friction adds to it. There are no
-    branches: a processor could not predict which candidates touch.
+    force. `torn` is a node's number of broken bonds over that of its partners, the smaller of the
+    two nodes' values. The normal force is elastic, by the softer foam; friction adds to it. There
+    are no branches: a processor could not predict which candidates touch.
 
-    The dashpots by which a node rubs are no more than those of the bonds that it lacks would be, so
-    that they shorten no step.
+    The dashpots by which a node rubs are in place of those of its broken bonds, and no stronger: so
+    they shorten no step. Foam without cracks does not rub.
     """
     gap, share = away.norm(), _share_of_pair(lattice, b, one, two)
     stress = _stiffness_of_pair(lattice, b, one, two, p) * (gap - touch) / p.piece_length
@@ -369,7 +369,7 @@ def piece_push(
     tangent = vec2(-normal.y, normal.x)
     area = p.piece_area * share
     rubbing = contact_law.rubbing_force(
-        p.piece_dashpot * share * ti.min(lost, 1.0),
+        p.piece_dashpot * share * ti.min(torn, 1.0),
         -closing.dot(tangent),
         p.piece_friction,
         -area * stress,
@@ -433,8 +433,8 @@ def push_pieces(lattice: ti.template(), b, stage, p: ti.template()):
         one_node = lattice.state.candidate_node[b, pair[0]]
         other_node = lattice.state.candidate_node[b, pair[1]]
         touch = touch_of(one.radius, two.radius)
-        lost = ti.min(one.lost, two.lost)
-        push = piece_push(lattice, b, one_node, other_node, away, closing, touch, lost, p)
+        torn = ti.min(one.torn, two.torn)
+        push = piece_push(lattice, b, one_node, other_node, away, closing, touch, torn, p)
         lattice.scratch.candidate_push[b, pair[0]] = (
             lattice.scratch.candidate_push[b, pair[0]] - push
         )
@@ -620,19 +620,19 @@ def _list_candidates(lattice: ti.template(), b):
     if found > lattice.most_candidates:
         lattice.state.clock[b].status = CROWDED
         lattice.state.clock[b].pairs = 0
-    _count_lost_bonds(lattice, b)
+    _count_broken_bonds(lattice, b)
 
 
 @ti.func
-def _count_lost_bonds(lattice: ti.template(), b):
-    """Find how many bonds each candidate lacks over the number of its partners."""
+def _count_broken_bonds(lattice: ti.template(), b):
+    """Find the broken bonds of each candidate over the number of its partners."""
     for n in range(lattice.state.clock[b].candidates):
-        lattice.state.candidate[b, n].lost = 0.0
-    for n in range(lattice.state.clock[b].pairs):
+        lattice.state.candidate[b, n].torn = 0.0
+    for n in range(lattice.state.clock[b].pairs):  # counts the partners first
         for side in ti.static(range(2)):
             m = lattice.state.pairs[b, n][side]
-            lattice.state.candidate[b, m].lost = lattice.state.candidate[b, m].lost + 1.0
+            lattice.state.candidate[b, m].torn = lattice.state.candidate[b, m].torn + 1.0
     for n in range(lattice.state.clock[b].candidates):
         i, j = lanes.column_and_row(lattice, lattice.state.candidate_node[b, n])
-        partners = lattice.state.candidate[b, n].lost
-        lattice.state.candidate[b, n].lost = bonds.lost_bonds(lattice, b, i, j) / partners
+        partners = ti.max(lattice.state.candidate[b, n].torn, 1.0)
+        lattice.state.candidate[b, n].torn = bonds.broken_bonds(lattice, b, i, j) / partners

@@ -213,10 +213,14 @@ def close_list(lattice: ti.template(), b):
 
 
 @ti.func
-def _lost(lattice: ti.template(), b, n) -> ti.f64:
-    """How many bonds a listed node lacks over the number of its partners."""
-    i, j = lanes.column_and_row(lattice, n)
-    return ti.f64(bonds.lost_bonds(lattice, b, i, j)) / lattice.state.partner_count[b, n]
+def torn(lattice: ti.template(), b, n, p: ti.template()) -> ti.f64:
+    """Broken bonds of a listed node over the number of its partners; 0 if pieces do not rub."""
+    found = 0.0
+    if p.piece_friction > 0.0:
+        i, j = lanes.column_and_row(lattice, n)
+        broken = ti.cast(bonds.broken_bonds(lattice, b, i, j), ti.f64)
+        found = broken / lattice.state.partner_count[b, n]
+    return found
 
 
 @ti.func
@@ -227,7 +231,7 @@ def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
         i, j = lanes.column_and_row(lattice, n)
         point = _point(lattice, lattice.scratch.trial, b, n)
         speed = lanes.velocity(lattice, lattice.scratch.trial, b, i, j)
-        own_lost = _lost(lattice, b, n)
+        own = torn(lattice, b, n, p)
         total = vec2(0.0)
         for m in range(count):
             other = lattice.state.partners[b, lattice.state.partner_start[b, n] + m]
@@ -237,8 +241,8 @@ def push(lattice: ti.template(), b, n, stage, strip, p: ti.template()):
             touch = contact.touch_of(
                 lattice.state.radius[b, i, j][0], lattice.state.radius[b, oi, oj][0]
             )
-            lost = ti.min(own_lost, _lost(lattice, b, other))
-            total -= contact.piece_push(lattice, b, n, other, away, closing, touch, lost, p)
+            less = ti.min(own, torn(lattice, b, other, p))
+            total -= contact.piece_push(lattice, b, n, other, away, closing, touch, less, p)
             if stage == LAST_STAGE:
                 held = contact.piece_energy(lattice, b, n, other, away.norm(), touch, p)
                 book(lattice, b, strip, WORK.held_by_pieces, 0.5 * held)

@@ -506,7 +506,10 @@ def _dashpots(scene: Scene, foam: BondFoam) -> tuple[float, float]:
 
 
 def _piece_dashpot(scene: Scene) -> float:
-    """Dashpot [N s/m] between whole nodes that rub: the least of a bond's, if bonds have any."""
+    """Dashpot [N s/m] between whole nodes that rub: the least of a bond's.
+
+    With Model.damping = "absolute" bonds have none: it is what a square cell's bond would have.
+    """
     least = min(min(_dashpots(scene, foam)) for foam in grading(scene).foams)
     return least or scene.numerics.damping_time * scene.foam.youngs_modulus * scene.block.depth
 
@@ -635,7 +638,7 @@ def _fastest_rate(
     squared += p.contact_stiffness / p.node_mass
     decays = 4.0 * (foam.a.dashpot + foam.b.dashpot) / foam.bond_mass
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
-        # in place of bonds that a node lacks
+        # in place of broken bonds' dashpots, of which there are none with damping "absolute"
         decays = ti.max(decays, 8.0 * p.piece_dashpot / foam.piece_mass)
     decays += 4.0 * per_length.max() * foam.b.shear_viscosity / foam.cell_mass
     decays += p.drag / foam.piece_mass

@@ -480,7 +480,7 @@ class StateFields:
             self.lists = {
                 "candidate_node": self.candidate_node,
                 "radius": self.candidate.get_member_field("radius"),
-                "lost": self.candidate.get_member_field("lost"),
+                "torn": self.candidate.get_member_field("torn"),
                 "first": self.pairs.get_scalar_field(0),
                 "second": self.pairs.get_scalar_field(1),
             }
@@ -495,7 +495,7 @@ class Candidate:
     u: ti.f64  # [m/s]
     v: ti.f64
     radius: ti.f64  # [m]
-    lost: ti.f64  # bonds that it lacks, per partner
+    torn: ti.f64  # broken bonds over the number of partners
 
 
 @ti.func

@@ -423,7 +423,7 @@ def _put_neighbours(lattice: Lattice, b: int, kept: Mapping[str, NDArray[Any]]) 
 
 def _kind(name: str) -> type:
     """Type of the numbers of a neighbour list's field."""
-    return np.float64 if name in ("radius", "lost") else np.int32
+    return np.float64 if name in ("radius", "torn") else np.int32
 
 
 def _take_neighbours(
@@ -440,7 +440,7 @@ def _take_neighbours(
         counts = {
             "candidate_node": candidates,
             "radius": candidates,
-            "lost": candidates,
+            "torn": candidates,
             "first": pairs,
             "second": pairs,
         }

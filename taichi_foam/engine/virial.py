@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_foam.backend import ti
-from taichi_foam.engine import bonds, cells, contact, lanes, makeup
+from taichi_foam.engine import bonds, cells, contact, gpu_neighbours, lanes, makeup
 from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import Lattice
 from taichi_foam.engine.state import ABSENT
@@ -87,7 +87,11 @@ def _cpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, 
                     lattice.state.candidate[b, pair[0]].radius,
                     lattice.state.candidate[b, pair[1]].radius,
                 )
-                sums = _of_pair(lattice, b, one, two, touch, p)
+                torn = ti.min(
+                    lattice.state.candidate[b, pair[0]].torn,
+                    lattice.state.candidate[b, pair[1]].torn,
+                )
+                sums = _of_pair(lattice, b, one, two, touch, torn, p)
                 for c in ti.static(range(3)):
                     for node in ti.static((one, two)):
                         i, j = lanes.column_and_row(lattice, node)
@@ -124,7 +128,11 @@ def _gpu_sums(lattice: ti.template(), b: ti.i32, stage: ti.i32, weight: ti.f64, 
                     touch = contact.touch_of(
                         lattice.state.radius[b, i, j][0], lattice.state.radius[b, oi, oj][0]
                     )
-                    sums = _of_pair(lattice, b, n, other, touch, p)
+                    torn = ti.min(
+                        gpu_neighbours.torn(lattice, b, n, p),
+                        gpu_neighbours.torn(lattice, b, other, p),
+                    )
+                    sums = _of_pair(lattice, b, n, other, touch, torn, p)
                     for c in ti.static(range(3)):
                         found[i, j, c] = found[i, j, c] + sums[c]
             _divide(lattice, b, i, j, found, p)
@@ -219,14 +227,14 @@ def _of_cell(
 
 
 @ti.func
-def _of_pair(lattice: ti.template(), b, one, two, touch, p: ti.template()) -> vec3:
+def _of_pair(lattice: ti.template(), b, one, two, touch, torn, p: ti.template()) -> vec3:
     """Contribution of the contact of two pieces to the virial of each [J]."""
     i, j = lanes.column_and_row(lattice, one)
     oi, oj = lanes.column_and_row(lattice, two)
     motion = ti.static(lattice.scratch.trial)
     away = lanes.position(lattice, motion, b, i, j) - lanes.position(lattice, motion, b, oi, oj)
     closing = lanes.velocity(lattice, motion, b, i, j) - lanes.velocity(lattice, motion, b, oi, oj)
-    push = contact.piece_push(lattice, b, one, two, away, closing, touch, p)
+    push = contact.piece_push(lattice, b, one, two, away, closing, touch, torn, p)
     return _half(away, push)
 
 

@@ -34,7 +34,7 @@ from taichi_foam.scene.paths import by_key
 from taichi_foam.simulation.after import After
 from taichi_foam.version import version
 
-FORMAT = 8
+FORMAT = 9
 
 CHECKPOINT, SNAPSHOTS = "checkpoint.npz", "snapshots.bin"
 """Names of the two files in a folder of checkpoints."""

@@ -228,7 +228,7 @@ def test_points_that_hardly_slide_are_dragged_by_a_dashpot() -> None:
 
 
 def test_a_point_in_a_crowd_rubs_as_if_it_had_its_bonds() -> None:
-    """Six others close in on it: it lacks four bonds, so each has 4/6 of a bond's dashpot c.
+    """Six others close in on it: its four bonds are broken, so each has 4/6 of a bond's dashpot c.
 
     The six lines have directions that add up to 3 along any other: it is braked by 3 * 4/6 c. Its
     springs then act too, by 3 k v t, up to 0.9 % of that; friction holds from 1 % of the time on.

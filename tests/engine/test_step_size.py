@@ -216,7 +216,7 @@ def test_pieces_count_as_whole_ones_in_crumbs() -> None:
 
 
 def test_pieces_that_rub_shorten_no_step() -> None:
-    """Their dashpots are in place of those of bonds that they lack."""
+    """Their dashpots are in place of those of broken bonds, which have been counted."""
     rubbing, smooth = (
         small_scene(base=FREE, model=Model(piece_friction=friction), numerics=Numerics(end=1e-4))
         for friction in (0.5, 0.0)

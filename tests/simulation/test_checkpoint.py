@@ -70,7 +70,7 @@ OPTIONS = {
     "default": {},
     "rate and scatter": {
         "foam": Foam(rate=3000.0, rate_exponent=2.0, overshoot_strain=0.02, strength_scatter=0.2),
-        "model": Model(shear_failure="angle", shear_yield=True),
+        "model": Model(shear_failure="angle", shear_yield=True, piece_friction=0.3),
     },
     "no contact": {"model": Model(self_contact=False)},
 }
