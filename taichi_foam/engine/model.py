@@ -472,8 +472,8 @@ def _impactor_rate(scene: Scene, contact: float) -> float:
 def _foam(scene: Scene, graded: Grading, n: int) -> dict:
     """Every member of `foam_type` for foam `n` of a scene's block, by name."""
     block, foam = scene.block, graded.foams[n]
-    dashpots = _dashpots(scene, foam)
-    _, across = _viscosities(scene, foam)
+    areas = block.dy * block.depth, block.dx * block.depth
+    along, across = _viscosities(scene, foam)
     tension, shear = limits(foam, block)
     rates = rate_shares(foam, block)
     shares = [
@@ -483,7 +483,7 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
             "tensile_tail": tension[axis].tail,
             "shear_tail": shear[axis].tail,
             "flow_share": 1.0 / rate,
-            "dashpot": dashpots[axis],
+            "dashpot": along * (areas[axis] / (block.dx, block.dy)[axis]) * rate,
             "shear_viscosity": across * math.sqrt(math.prod(rates)),
         }
         for axis, rate in enumerate(rates)
@@ -496,22 +496,20 @@ def _foam(scene: Scene, graded: Grading, n: int) -> dict:
     }
 
 
-def _dashpots(scene: Scene, foam: BondFoam) -> tuple[float, float]:
-    """Dashpots [N s/m] of a foam's bonds A and B."""
-    block = scene.block
-    along, _ = _viscosities(scene, foam)
-    rate_a, rate_b = rate_shares(foam, block)
-    a = along * (block.dy * block.depth / block.dx) * rate_a
-    return a, along * (block.dx * block.depth / block.dy) * rate_b
-
-
 def _piece_dashpot(scene: Scene) -> float:
-    """Dashpot [N s/m] between whole nodes that rub: the least of a bond's.
+    """Dashpot [N s/m] between whole nodes that rub: the least of a bond's, without any limit.
 
-    With Model.damping = "absolute" bonds have none: it is what a square cell's bond would have.
+    Foam by its curve limits those of bonds (`BondFoam.most_damping`); with Model.damping =
+    "absolute" there are none.
     """
-    least = min(min(_dashpots(scene, foam)) for foam in grading(scene).foams)
-    return least or scene.numerics.damping_time * scene.foam.youngs_modulus * scene.block.depth
+    block = scene.block
+    aspect = block.dy / block.dx
+    least = min(
+        foam.youngs_modulus * min(aspect * rate_a, rate_b / aspect)
+        for foam in grading(scene).foams
+        for rate_a, rate_b in [rate_shares(foam, block)]
+    )
+    return scene.numerics.damping_time * least * block.depth
 
 
 def _whole_mass(block: Block) -> float:
@@ -638,7 +636,7 @@ def _fastest_rate(
     squared += p.contact_stiffness / p.node_mass
     decays = 4.0 * (foam.a.dashpot + foam.b.dashpot) / foam.bond_mass
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
-        # in place of broken bonds' dashpots, of which there are none with damping "absolute"
+        # in place of broken bonds' dashpots, which may be less or none
         decays = ti.max(decays, 8.0 * p.piece_dashpot / foam.piece_mass)
     decays += 4.0 * per_length.max() * foam.b.shear_viscosity / foam.cell_mass
     decays += p.drag / foam.piece_mass
