@@ -2,8 +2,8 @@
 
 This takes twenty minutes on two cores. It computes what most users compute first, starting from an
 empty cache, and packs the kernels that Taichi has compiled beside the engine (see
-`taichi_foam/engine/kernel_cache.py`). Run it again after changing a kernel, on any processor with
-256-bit vectors: kernels are those for one processor (`processor.py`).
+`taichi_foam/engine/kernel_cache.py`). Run it again after changing a kernel, under Linux on any
+x86-64 processor with 256-bit vectors: kernels are those for one processor (`processor.py`).
 """
 
 import json

@@ -2,7 +2,7 @@
 
 LLVM looks up the host in its table of processors: how many numbers a vector has, how far loops are
 unrolled. So kernels that are made on two machines differ. In the copy, every processor in that
-table has what Intel's Haswell has, the first with 256-bit vectors and fused operations.
+table is taken for Intel's Haswell, the first with AVX2.
 """
 
 import ctypes

@@ -83,6 +83,7 @@ def _bond(
     if lanes.any_of(whole):
         closing = reach_x * along_u + reach_y * along_v
         dashpot = makeup.shares(lattice, axis, b, k, p).dashpot / squared
+        dashpot *= makeup.face_share(lattice, axis, b, i, k)
         if ti.static(lattice.features.softens):
             dashpot *= ti.cast(bonds[b, i, k].intact, ti.f64)
         drag = ti.select(whole, dashpot * closing, 0.0)
@@ -604,21 +605,21 @@ def is_surface(lattice: ti.template(), b, i, j) -> ti.i32:
 @ti.func
 def is_torn(lattice: ti.template(), b, i, j) -> ti.i32:
     """Whether any of the node's bonds is broken."""
-    return ti.i32(broken_bonds(lattice, b, i, j) > 0)
+    return ti.i32(broken_faces(lattice, b, i, j) > 0.0)
 
 
 @ti.func
-def broken_bonds(lattice: ti.template(), b, i, j) -> ti.i32:
-    """How many of the node's bonds are broken."""
+def broken_faces(lattice: ti.template(), b, i, j) -> ti.f64:
+    """Area of the faces of the node's broken bonds, over that of a whole bond's."""
     return (
-        _is_broken(lattice, A, b, i, j)
-        + _is_broken(lattice, A, b, i - 1, j)
-        + _is_broken(lattice, B, b, i, j)
-        + _is_broken(lattice, B, b, i, j - 1)
+        _broken_face(lattice, A, b, i, j)
+        + _broken_face(lattice, A, b, i - 1, j)
+        + _broken_face(lattice, B, b, i, j)
+        + _broken_face(lattice, B, b, i, j - 1)
     )
 
 
 @ti.func
-def _is_broken(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.i32:
-    bonds = ti.static(lattice.state.bonds[axis])
-    return ti.i32(lanes.value(lattice, bonds.condition, b, i, j) == BROKEN)
+def _broken_face(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.f64:
+    is_broken = lanes.value(lattice, lattice.state.bonds[axis].condition, b, i, j) == BROKEN
+    return ti.select(is_broken, makeup.face_share_at(lattice, axis, b, i, j), 0.0)

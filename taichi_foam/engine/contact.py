@@ -355,9 +355,9 @@ def piece_push(
 
     `away` is the vector from `one` to `two` [m], `closing` the velocity of `two` relative to `one`
     [m/s] and `touch` the distance at which they touch [m]; if both vectors are reversed, so is the
-    force. `torn` is a node's number of broken bonds over that of its partners, the smaller of the
-    two nodes' values. The normal force is elastic, by the softer foam; friction adds to it. There
-    are no branches: a processor could not predict which candidates touch.
+    force. `torn` are a node's broken faces over the number of its partners, the smaller of the two
+    nodes' values. The normal force is elastic, by the softer foam; friction adds to it. There are
+    no branches: a processor could not predict which candidates touch.
 
     The dashpots by which a node rubs are in place of those of its broken bonds, and no stronger: so
     they shorten no step. Foam without cracks does not rub.
@@ -369,7 +369,7 @@ def piece_push(
     tangent = vec2(-normal.y, normal.x)
     area = p.piece_area * share
     rubbing = contact_law.rubbing_force(
-        p.piece_dashpot * share * ti.min(torn, 1.0),
+        p.piece_dashpot * ti.min(torn, 1.0),
         -closing.dot(tangent),
         p.piece_friction,
         -area * stress,
@@ -620,12 +620,12 @@ def _list_candidates(lattice: ti.template(), b):
     if found > lattice.most_candidates:
         lattice.state.clock[b].status = CROWDED
         lattice.state.clock[b].pairs = 0
-    _count_broken_bonds(lattice, b)
+    _share_broken_faces(lattice, b)
 
 
 @ti.func
-def _count_broken_bonds(lattice: ti.template(), b):
-    """Find the broken bonds of each candidate over the number of its partners."""
+def _share_broken_faces(lattice: ti.template(), b):
+    """Find the broken faces of each candidate over the number of its partners."""
     for n in range(lattice.state.clock[b].candidates):
         lattice.state.candidate[b, n].torn = 0.0
     for n in range(lattice.state.clock[b].pairs):  # counts the partners first
@@ -635,4 +635,4 @@ def _count_broken_bonds(lattice: ti.template(), b):
     for n in range(lattice.state.clock[b].candidates):
         i, j = lanes.column_and_row(lattice, lattice.state.candidate_node[b, n])
         partners = ti.max(lattice.state.candidate[b, n].torn, 1.0)
-        lattice.state.candidate[b, n].torn = bonds.broken_bonds(lattice, b, i, j) / partners
+        lattice.state.candidate[b, n].torn = bonds.broken_faces(lattice, b, i, j) / partners

@@ -214,12 +214,11 @@ def close_list(lattice: ti.template(), b):
 
 @ti.func
 def torn(lattice: ti.template(), b, n, p: ti.template()) -> ti.f64:
-    """Broken bonds of a listed node over the number of its partners; 0 if pieces do not rub."""
+    """Broken faces of a listed node over the number of its partners; 0 if pieces do not rub."""
     found = 0.0
     if p.piece_friction > 0.0:
         i, j = lanes.column_and_row(lattice, n)
-        broken = ti.cast(bonds.broken_bonds(lattice, b, i, j), ti.f64)
-        found = broken / lattice.state.partner_count[b, n]
+        found = bonds.broken_faces(lattice, b, i, j) / lattice.state.partner_count[b, n]
     return found
 
 

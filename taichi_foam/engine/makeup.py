@@ -7,7 +7,7 @@ between rows and between axes (`Features.foams`).
 
 from taichi_foam.backend import ti
 from taichi_foam.engine import lanes
-from taichi_foam.engine.grading import A
+from taichi_foam.engine.grading import A, B
 
 
 @ti.func
@@ -34,7 +34,7 @@ def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template(
 
 @ti.func
 def shares(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
-    """`model.SHARES` of a pack's bonds along `axis`: limits and dashpots by bond length."""
+    """`model.SHARES` of a pack's whole bonds along `axis`: limits and dashpots by bond length."""
     if ti.static(lattice.features.foams > 1):
         return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.most_packs) + k].shares
     if ti.static(axis == A):
@@ -54,28 +54,36 @@ def constants_at(lattice: ti.template(), axis, b, j, p: ti.template()):
 @ti.func
 def face(lattice: ti.template(), axis: ti.template(), b, i, k, p: ti.template()):
     """Area of the faces of a pack of bonds along `axis` [m2]: a scalar, or a pack."""
-    area = p.area[axis]
+    return p.area[axis] * face_share(lattice, axis, b, i, k)
+
+
+@ti.func
+def face_share(lattice: ti.template(), axis: ti.template(), b, i, k):
+    """Share of a whole cell's face that a pack of bonds along `axis` has: 1.0, or a pack."""
     if ti.static(not lattice.features.shaped):
-        return area
+        return 1.0
     if ti.static(axis == A):
-        return area * lattice.model.filling[b, column(lattice, i), k].face_a
-    return area * lattice.model.filling[b, column(lattice, i), k].face_b
+        return lattice.model.filling[b, column(lattice, i), k].face_a
+    return lattice.model.filling[b, column(lattice, i), k].face_b
+
+
+@ti.func
+def face_share_at(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.f64:
+    """The same of the bond of mass point (i, j) along `axis`."""
+    found = 1.0
+    if ti.static(lattice.features.shaped):
+        if ti.static(axis == A):
+            found = _value(lattice, lattice.model.filling.face_a, b, i, j)
+        else:
+            found = _value(lattice, lattice.model.filling.face_b, b, i, j)
+    return found
 
 
 @ti.func
 def wider_face(lattice: ti.template(), axis: ti.template(), b, i, j) -> ti.f64:
     """Share of the wider face of a mass point's two bonds along `axis`, in a shaped block."""
-    found = 0.0
-    filling = ti.static(lattice.model.filling)
-    if ti.static(axis == A):
-        found = ti.max(
-            _value(lattice, filling.face_a, b, i, j), _value(lattice, filling.face_a, b, i - 1, j)
-        )
-    else:
-        found = ti.max(
-            _value(lattice, filling.face_b, b, i, j), _value(lattice, filling.face_b, b, i, j - 1)
-        )
-    return found
+    before = face_share_at(lattice, axis, b, i - ti.static(1 - axis), j - ti.static(axis))
+    return ti.max(face_share_at(lattice, axis, b, i, j), before)
 
 
 @ti.func
@@ -83,9 +91,8 @@ def volume(lattice: ti.template(), axis, b, i, j, p: ti.template()) -> ti.f64:
     """Reference volume [m3] that a bond represents."""
     found = ti.select(axis == A, p.area.x * p.cell.x, p.area.y * p.cell.y)
     if ti.static(lattice.features.shaped):
-        filling = ti.static(lattice.model.filling)
-        face_a = _value(lattice, filling.face_a, b, i, j)
-        found *= ti.select(axis == A, face_a, _value(lattice, filling.face_b, b, i, j))
+        face_a = face_share_at(lattice, A, b, i, j)
+        found *= ti.select(axis == A, face_a, face_share_at(lattice, B, b, i, j))
     return found
 
 

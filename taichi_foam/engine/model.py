@@ -105,7 +105,7 @@ SHARES = (
     "tensile_tail",  # where the stress has fallen to zero, over the limit; at least 1
     "shear_tail",
     "flow_share",  # time over which worst strains flow, over the step
-    "dashpot",  # along a bond [N s/m]
+    "dashpot",  # along a bond with a whole face [N s/m]
     "shear_viscosity",  # of the cells [Pa s], the same for both axes
 )
 """Values for the bonds of a foam along one axis."""
@@ -634,10 +634,12 @@ def _fastest_rate(
     # a mass point of little mass has small faces and cells, and proportionally softer contacts
     squared = of_bonds / foam.bond_mass + of_cells / foam.cell_mass + of_pieces / foam.piece_mass
     squared += p.contact_stiffness / p.node_mass
-    decays = 4.0 * (foam.a.dashpot + foam.b.dashpot) / foam.bond_mass
+    along_a, along_b = foam.a.dashpot, foam.b.dashpot
     if ti.static(lattice.features.self_contact) and p.piece_friction > 0.0:
         # in place of broken bonds' dashpots, which may be less or none
-        decays = ti.max(decays, 8.0 * p.piece_dashpot / foam.piece_mass)
+        along_a = ti.max(along_a, p.piece_dashpot)
+        along_b = ti.max(along_b, p.piece_dashpot)
+    decays = 4.0 * (along_a + along_b) / foam.bond_mass
     decays += 4.0 * per_length.max() * foam.b.shear_viscosity / foam.cell_mass
     decays += p.drag / foam.piece_mass
     return ti.max(ti.sqrt(squared + p.impactor_rate), decays * (RK4_RADIUS / RK4_DECAY))

@@ -495,7 +495,7 @@ class Candidate:
     u: ti.f64  # [m/s]
     v: ti.f64
     radius: ti.f64  # [m]
-    torn: ti.f64  # broken bonds over the number of partners
+    torn: ti.f64  # faces of broken bonds, in whole ones, over the number of partners
 
 
 @ti.func

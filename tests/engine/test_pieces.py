@@ -12,6 +12,7 @@ from taichi_foam.records.snapshot import Snapshot
 from taichi_foam.scene import Base, Foam, Model
 
 ONE, OTHER = (3, 5), (6, 12)
+TOP = (3, ROWS - 1)
 
 CELL, STIFFNESS = 0.005, 2.78e6 * 0.057  # N/m, of two points of square cells
 STEP = 1e-7
@@ -227,26 +228,37 @@ def test_points_that_hardly_slide_are_dragged_by_a_dashpot() -> None:
     np.testing.assert_allclose(one + other, [approach, sideways], rtol=1e-12)
 
 
-def test_a_point_in_a_crowd_rubs_as_if_it_had_its_bonds() -> None:
+@pytest.mark.parametrize(
+    ("mass_points", "one", "foam", "crowd"), [("cells", ONE, 1.0, 6), ("faces", TOP, 0.5, 5)]
+)
+def test_a_point_in_a_crowd_rubs_as_if_it_had_its_bonds(
+    mass_points: str, one: tuple[int, int], foam: float, crowd: int
+) -> None:
     """Six others close in on it: its four bonds are broken, so each has 4/6 of a bond's dashpot c.
 
-    The six lines have directions that add up to 3 along any other: it is braked by 3 * 4/6 c. Its
+    The six lines have directions that add up to 3 along any other: it is braked by 3 * 4/6 c. A
+    point on a face with half a cell of foam has room for five. It has two bonds with half a face
+    each, and one with a whole face: by 5/2 * 2/5 c, half as much, as its mass is. The points'
     springs then act too, by 3 k v t, up to 0.9 % of that; friction holds from 1 % of the time on.
     """
     approach, room, step, steps = 20.0, 1e-9, 1e-9, 100
-    scene = small_scene(
+    plain = small_scene(
         base=Base(kind="floor"),
         model=Model(piece_size=1.0, piece_friction=5.0),
         numerics=numerics(dt=step),
     )
-    position = reference_positions(scene) * 3.0
+    scene = plain.with_values(
+        block__mass_points=mass_points, block__height=0.005 * (ROWS - 2 + 2 * foam)
+    )
+    position = scene.block.positions * 3.0
     velocity = np.zeros_like(position)
-    for n, node in enumerate([(6, 12), (6, 14), (6, 10), (3, 12), (3, 9), (6, 8)]):
-        angle = 0.4 + n * math.pi / 3
+    touch = 0.5 * CELL * (1.0 + math.sqrt(foam) + (math.sqrt(2.0) - 1.0) * (1.0 - math.sqrt(foam)))
+    for n, node in enumerate([(6, 12), (6, 14), (6, 10), (3, 12), (3, 9), (6, 8)][:crowd]):
+        angle = 0.4 + n * 2.0 * math.pi / crowd
         way = np.array([math.cos(angle), math.sin(angle)])
-        position[node] = position[ONE] + (CELL + room) * way
+        position[node] = position[one] + (touch + room) * way
         velocity[node] = -approach * way
-    velocity[ONE] = [0.003, 0.004]
+    velocity[one] = [0.003, 0.004]
     with bench(
         scene, position=position, velocity=velocity, broken_a=ALL_A, broken_b=ALL_B
     ) as loaded:
@@ -254,5 +266,5 @@ def test_a_point_in_a_crowd_rubs_as_if_it_had_its_bonds() -> None:
     dashpot = 1e-6 / 0.057 * STIFFNESS
     braked = 2.0 * dashpot * (step * steps - room / approach) / MASS
     np.testing.assert_allclose(
-        after.velocity[ONE], (1.0 - braked) * velocity[ONE], rtol=0.02 * braked
+        after.velocity[one], (1.0 - braked) * velocity[one], rtol=0.02 * braked
     )

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from bench import COLUMNS, ROWS, numerics, run_to
+from bench import COLUMNS, FREE, LIFT, PLAIN, ROWS, UNBREAKABLE, numerics, run_to
 
 import taichi_foam as tf
 from taichi_foam.engine import features
@@ -126,6 +126,44 @@ def test_a_layered_bar_reflects_by_its_impedances(young: float, density: float) 
     found = moved[above][np.argmax(np.abs(moved[above]))]
     assert found == pytest.approx(reflected, rel=0.01)
     assert np.abs(moved[~above]).max() == pytest.approx(1 + reflected, rel=0.01)
+
+
+CUT = ((-0.025, 0.0), (0.025, 0.0), (0.025, 0.0982), (-0.025, 0.0982))
+
+
+@pytest.mark.parametrize(("outline", "mass_points"), [((), "faces"), (CUT, "cells")])
+def test_a_block_that_rings_along_its_rows_stays_plane(
+    outline: tuple, mass_points: str
+) -> None:  # fmt: skip
+    """Of the outermost rows a part is foam: so is their mass, their stiffness and their dashpots.
+
+    Half a wave over n columns is a mode of a row's chain, w = 2 c / L sin(pi / 2n), and follows
+    x'' + tau w^2 x' + w^2 x = 0.
+    """
+    size = {"width": 0.05, "height": 0.1, "columns": COLUMNS, "rows": ROWS}
+    block = Block(outline=outline, mass_points=mass_points, **size)
+    scene = Scene(
+        block=block,
+        base=FREE,
+        foam=UNBREAKABLE,
+        model=PLAIN,
+        numerics=numerics(contact_stiffness=1e-4, damping_time=2e-5),
+    )
+    there = filling(block).there
+    X = block.positions
+    mode = np.sin(np.pi * X[..., 0] / block.width)
+    velocity = np.zeros_like(X)
+    velocity[..., 0] = 0.1 * mode
+    time, steps = 4e-4, 800
+    after = run_to(scene, time, steps, position=X + LIFT, velocity=velocity)
+    moved = (after.position - X - LIFT)[..., 0]
+    w = 2.0 * math.sqrt(2.78e6 / 25.6) / block.dx * math.sin(math.pi / (2 * COLUMNS))
+    decay = 0.5 * scene.numerics.damping_time * w * w
+    swings = math.sqrt(w * w - decay * decay)
+    expected = 0.1 * mode * math.exp(-decay * time) * math.sin(swings * time) / swings
+    assert 0.2 < decay * time < 5.0
+    largest = np.abs(expected).max()
+    np.testing.assert_allclose(moved[there], expected[there], rtol=0, atol=1e-6 * largest)
 
 
 def test_the_weaker_layer_crushes_first() -> None:

@@ -283,6 +283,28 @@ def test_dashpots_limit_the_step_as_computed() -> None:
     assert not swing(1.02 * RK4_DECAY / fastest, 3000) < 1.0
 
 
+def test_the_bound_has_room_for_the_dashpot_of_a_contact() -> None:
+    """A column on a body: its last mass point, on a face, has half the mass, and a dashpot more.
+
+    At the stiffness and the damping of a contact by default. Of the decay the bound has twice as
+    much: all four bonds in one line.
+    """
+    rows, given = 60, Numerics()
+    spring = given.contact_stiffness * K * THICKNESS
+    mass = np.full(rows, RHO * CELL**2 * THICKNESS)
+    mass[-1] *= 0.5
+    bond = given.damping_time * K * THICKNESS
+    chain = bond * (2.0 * np.eye(rows) - np.eye(rows, k=1) - np.eye(rows, k=-1))
+    chain[0, 0] = chain[-1, -1] = bond
+    touching = chain.copy()
+    touching[-1, -1] += given.contact_damping * math.sqrt(spring * mass[0])  # half of 2 zeta root
+    free, held = (
+        np.abs(np.linalg.eigvals(each / mass[:, None])).max() for each in (chain, touching)
+    )
+    assert 1.2 < held / free < 1.3
+    assert held * RK4_RADIUS / RK4_DECAY < 0.6 * engine_bound(Case())
+
+
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [("rectangular-3.03", 1e-5), ("cylinder-2.94", 1e-6), ("wedge-2.86", 1e-6)],
