@@ -19,7 +19,7 @@ FOAM = Foam(**PAPERS_FOAM)
 scene = Scene(
     name="Cylinder at 3.32 m/s",
     foam=FOAM,
-    impactor=Cylinder(radius=0.025, velocity=3.32, friction=0.135),
+    impactor=Cylinder(radius=0.025, velocity=3.32, friction=0.13),
 )
 
 if __name__ == "__main__":

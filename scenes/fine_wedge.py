@@ -18,7 +18,7 @@ scene = Scene(
     name="Wedge at 2.86 m/s, 20,000 cells",
     block=Block(cell=0.001),
     foam=Foam(**PAPERS_FOAM),
-    impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.135),
+    impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.13),
     output=Output(snapshot_interval=2e-3),
 )
 

@@ -20,7 +20,7 @@ FOAM = Foam(**PAPERS_FOAM)
 scene = Scene(
     name="Flat block at 3.03 m/s",
     foam=FOAM,
-    impactor=FlatBlock(width=0.05, velocity=3.03, friction=0.135),
+    impactor=FlatBlock(width=0.05, velocity=3.03, friction=0.13),
 )
 
 if __name__ == "__main__":

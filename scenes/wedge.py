@@ -20,7 +20,7 @@ FOAM = Foam(**PAPERS_FOAM)
 scene = Scene(
     name="Wedge at 2.86 m/s",
     foam=FOAM,
-    impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.135),
+    impactor=Wedge(angle_deg=90, velocity=2.86, friction=0.13),
 )
 
 if __name__ == "__main__":

@@ -19,9 +19,9 @@ PAPERS_FOAM: Mapping[str, Any] = MappingProxyType(
     {
         "yield_strain": -0.0425,  # for a plateau of 0.118 MPa; 0.12 MPa was measured
         "rate": 7.0,
-        "overshoot_strain": 0.016,
-        "fracture_energy": 60.0,
-        "shear_fracture_energy": 150.0,
+        "overshoot_strain": 0.0155,
+        "fracture_energy": 55.0,
+        "shear_fracture_energy": 155.0,
         "crush_band": 0.005,
     }
 )
@@ -35,7 +35,7 @@ CHOICE_SETS: Mapping[str, Mapping[str, object]] = MappingProxyType(
                 **{f"foam.{key}": value for key, value in PAPERS_FOAM.items()},
                 "foam.softening": True,
                 "base.kind": "gripped",
-                "impactor.friction": 0.135,
+                "impactor.friction": 0.13,
                 "model.damping": "stiffness",
                 "model.shear": "cell",
                 "model.shear_failure": "pressure-dependent",

@@ -348,7 +348,7 @@ PAPER = {
 
 def test_calibrated_is_the_default_but_for_the_specimen_and_the_rig():
     scene = Scene(impactor=FlatBlock())
-    plain = ["base.stops_impactor=true", "impactor.friction=0.135"]
+    plain = ["base.stops_impactor=true", "impactor.friction=0.13"]
     plain += [f"foam.{key}={value}" for key, value in PAPER.items()]
     assert scene == load_scene(
         "paper/rectangular-3.03", "calibrated", ["name=scene", "reference=none", *plain]

@@ -66,7 +66,7 @@ class Impactor(Part):
         at_most=10,
     )
     friction: float = quantity(
-        0.135, "-", "friction coefficient between impactor and foam", at_least=0, at_most=5
+        0.13, "-", "friction coefficient between impactor and foam", at_least=0, at_most=5
     )
     x: float = quantity(
         0.0, "m", "offset of its mid-width from that of the block", at_least=-5, at_most=5
