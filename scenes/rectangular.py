@@ -6,7 +6,7 @@ the plateau stress times the face, so the deceleration stays flat.
 
 Measured (Table 2): duration 42 ms, displacement 65 mm, plateau 74 m/s2, first peak 97 m/s2 at
 2.0 ms. The paper's own simulation stops after 40.2 ms and lacks that peak; here whole foam
-overshoots its plateau, with 95 m/s2 after 1.8 ms.
+overshoots its plateau, with 94 m/s2 after 1.8 ms.
 
 Run time: some seconds on one core.
 """
