@@ -13,7 +13,7 @@ from taichi_foam.shim2000.impacts import paper_scene
 from taichi_foam.simulation.simulate import run
 
 RUNS = {
-    "paper/wedge-2.86": paper_scene("paper/wedge-2.86"),
+    "paper/wedge-3.60": paper_scene("paper/wedge-3.60"),
     "paper/cylinder-2.94": paper_scene("paper/cylinder-2.94"),
     "fast wedge": small_scene(
         impactor=Wedge(angle_deg=60, shank_width=0.02, mass=0.05, velocity=30.0),

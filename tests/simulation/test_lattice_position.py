@@ -52,7 +52,7 @@ def as_drawn() -> tf.Result:
         (0.0, 90.0, HALF_A_CELL, HALF_A_CELL + HALF_A_ROW),
         (0.0, 10.0, 0.09, 0.11),
         (0.0, 22.5, 0.09, 0.11),
-        (0.0, 45.0, 0.09, 0.11),
+        (0.0, 45.0, 0.09, 1.0 - 0.84),
     ],
 )
 def test_what_a_drop_comes_to(
