@@ -610,7 +610,7 @@ def is_torn(lattice: ti.template(), b, i, j) -> ti.i32:
 
 @ti.func
 def broken_faces(lattice: ti.template(), b, i, j) -> ti.f64:
-    """Area of the faces of the node's broken bonds, over that of a whole bond's."""
+    """Area of the faces of the node's broken bonds, over that of a whole face."""
     return (
         _broken_face(lattice, A, b, i, j)
         + _broken_face(lattice, A, b, i - 1, j)

@@ -355,12 +355,12 @@ def piece_push(
 
     `away` is the vector from `one` to `two` [m], `closing` the velocity of `two` relative to `one`
     [m/s] and `touch` the distance at which they touch [m]; if both vectors are reversed, so is the
-    force. `torn` is the sum of a node's broken faces over the number of its partners, of the two
-    nodes the smaller. The normal force is elastic, by the softer foam; friction adds to it. There
-    are no branches: a processor could not predict which candidates touch.
+    force. `torn` is a node's broken faces over the number of its partners, the smaller of the two
+    nodes' values. The normal force is elastic, by the softer foam; friction adds to it. There are
+    no branches: a processor could not predict which candidates touch.
 
-    The dashpots by which a node rubs are in place of those of its broken bonds, and no stronger: so
-    they shorten no step. Foam without cracks does not rub.
+    The dashpots by which a node rubs are in place of those of its broken bonds: they shorten no
+    step unless those are weaker (`model._fastest_rate`). Foam without cracks does not rub.
     """
     gap, share = away.norm(), _share_of_pair(lattice, b, one, two)
     stress = _stiffness_of_pair(lattice, b, one, two, p) * (gap - touch) / p.piece_length

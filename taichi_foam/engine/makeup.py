@@ -34,7 +34,7 @@ def constants(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template(
 
 @ti.func
 def shares(lattice: ti.template(), axis: ti.template(), b, k, p: ti.template()):
-    """`model.SHARES` of a pack's whole bonds along `axis`: limits and dashpots by bond length."""
+    """`model.SHARES` of a pack's bonds along `axis`, as if their faces were whole."""
     if ti.static(lattice.features.foams > 1):
         return lattice.model.graded[b, ti.static(axis) * ti.static(lattice.most_packs) + k].shares
     if ti.static(axis == A):

@@ -152,8 +152,9 @@ def test_centres_of_pieces_do_not_meet(shattered: Result) -> None:
     """Touch is elastic, K A / L: the largest force takes an overlap off the touching distance.
 
     Nodes that were nearer when their foam tore have smaller radii than they would have: of two
-    pieces they come no nearer than when they parted. Foam that had yielded in shear has many, so
-    that pairs of one piece are looked at with the radii that they have at the end.
+    pieces they come no nearer than when they parted, and never to a fifth of the touching distance.
+    Foam that had yielded in shear has many, so that pairs of one piece are looked at with the radii
+    that they have at the end.
     """
     scene = shattered.scene
     overlap = largest_force(shattered) / (scene.foam.youngs_modulus * scene.block.depth)

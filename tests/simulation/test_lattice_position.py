@@ -45,23 +45,24 @@ def as_drawn() -> tf.Result:
 # the plateau's stress along themselves, and so 0.94, 0.88 and 0.84 of it along the load at 0.4 of
 # the height (10, 22.5 and 45 degrees; docs/limits.md).
 @pytest.mark.parametrize(
-    ("shift", "angle", "within", "of_plateau"),
+    ("shift", "angle", "within", "share", "off"),
     [
-        (0.25, 0.0, HALF_A_CELL, HALF_A_CELL),
-        (0.5, 0.0, HALF_A_CELL, HALF_A_CELL),
-        (0.0, 90.0, HALF_A_CELL, HALF_A_CELL + HALF_A_ROW),
-        (0.0, 10.0, 0.09, 0.11),
-        (0.0, 22.5, 0.09, 0.11),
-        (0.0, 45.0, 0.09, 1.0 - 0.84),
+        (0.25, 0.0, HALF_A_CELL, 1.0, HALF_A_CELL),
+        (0.5, 0.0, HALF_A_CELL, 1.0, HALF_A_CELL),
+        (0.0, 90.0, HALF_A_CELL, 1.0, HALF_A_CELL + HALF_A_ROW),
+        (0.0, 10.0, 0.09, 0.94, HALF_A_CELL),
+        (0.0, 22.5, 0.09, 0.88, HALF_A_CELL),
+        (0.0, 45.0, 0.09, 0.84, HALF_A_CELL),
     ],
 )
 def test_what_a_drop_comes_to(
-    as_drawn: tf.Result, shift: float, angle: float, within: float, of_plateau: float
+    as_drawn: tf.Result, shift: float, angle: float, within: float, share: float, off: float
 ) -> None:
+    """The plateau is between the foam's `share` and all of it, `off` for the edges."""
     found = tf.run(drop(shift, angle))
     for key in ("max_displacement_m", "impact_duration_s", "peak_deceleration_m_s2"):
         assert found.summary[key] == pytest.approx(as_drawn.summary[key], rel=within), key
-    assert plateau(found) == pytest.approx(plateau(as_drawn), rel=of_plateau)
+    assert share - off < plateau(found) / plateau(as_drawn) < 1.0 + off
 
 
 def test_foam_without_yield_in_shear_is_met_at_its_edge() -> None:
