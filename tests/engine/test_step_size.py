@@ -297,6 +297,7 @@ def test_the_bound_has_room_for_the_dashpot_of_a_contact() -> None:
     chain = bond * (2.0 * np.eye(rows) - np.eye(rows, k=1) - np.eye(rows, k=-1))
     chain[0, 0] = chain[-1, -1] = bond
     touching = chain.copy()
+    # a lighter mass point has a proportionally softer contact
     touching[-1, -1] += contact["contact_dashpot"] * 0.5 * contact["contact_stiffness"]
     free, held = (
         np.abs(np.linalg.eigvals(each / mass[:, None])).max() for each in (chain, touching)

@@ -51,8 +51,8 @@ def as_drawn() -> tf.Result:
         (0.5, 0.0, HALF_A_CELL, 1.0, HALF_A_CELL),
         (0.0, 90.0, HALF_A_CELL, 1.0, HALF_A_CELL + HALF_A_ROW),
         (0.0, 10.0, 0.09, 0.94, HALF_A_CELL),
-        (0.0, 22.5, 0.09, 0.88, HALF_A_CELL),
-        (0.0, 45.0, 0.09, 0.84, HALF_A_CELL),
+        (0.0, 22.5, 0.09, 0.89, 0.0),
+        (0.0, 45.0, 0.09, 0.84, 0.0),
     ],
 )
 def test_what_a_drop_comes_to(
