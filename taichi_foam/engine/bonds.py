@@ -80,7 +80,7 @@ def _bond(
         if stage == 0:
             _remember(lattice, axis, b, i, k, there, history)
     drag = lanes.zeros(lattice)
-    if lanes.any_of(whole):
+    if elementary.any_of(whole):
         closing = reach_x * along_u + reach_y * along_v
         dashpot = makeup.shares(lattice, axis, b, k, p).dashpot / squared
         dashpot *= makeup.face_share(lattice, axis, b, i, k)
@@ -127,7 +127,7 @@ def _yields_as_at(lattice: ti.template(), axis: ti.template(), b, i, k, e, p: ti
     whole = lattice.state.bonds[axis][b, i, k].condition > BROKEN
     yields = e
     # a root is at least its share: if no bond yields with `left`, no root is needed
-    if lanes.any_of(whole & (lattice.law.yields_as_at(c, e, left) < e)):
+    if elementary.any_of(whole & (lattice.law.yields_as_at(c, e, left) < e)):
         yields = ti.select(whole, lattice.law.yields_as_at(c, e, ti.sqrt(left)), e)
     return yields
 
@@ -160,7 +160,7 @@ def _look_for_failure(
     )
     if ti.static(lattice.features.softens):
         # divisions are expensive, and few bonds are beyond their limits
-        if lanes.any_of(fails):
+        if elementary.any_of(fails):
             pulled, sheared = lattice.law.overload(
                 makeup.constants(lattice, axis, b, k, p), e, sigma_e, tau, history, size, tensile,
                 strength,
@@ -340,7 +340,7 @@ def _may_stiffen(lattice: ti.template(), axis: ti.template(), b, k, strain, p: t
     """Whether any of a pack's bonds may stiffen."""
     limit = lattice.law.stiffens_below(makeup.constants(lattice, axis, b, k, p))
     if ti.static(lattice.features.foams > 1):
-        return lanes.any_of(strain < limit)
+        return elementary.any_of(strain < limit)
     return strain.min() < limit
 
 
@@ -441,7 +441,7 @@ def _flow(lattice: ti.template(), axis: ti.template(), b, i, k, reach_x, reach_y
         e = _yields_as_at(lattice, axis, b, i, k, e, p)
     if ti.static(lattice.law.heeds_rate):
         # powers are expensive, and few bonds flow
-        if lanes.any_of(there & lattice.law.flows(c, e, history)):
+        if elementary.any_of(there & lattice.law.flows(c, e, history)):
             # if only half the strain rate counts, foam flows as in twice the time
             slowed = makeup.shares(lattice, axis, b, k, p).flow_share
             around = lanes.zeros(lattice)

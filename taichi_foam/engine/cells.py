@@ -166,12 +166,12 @@ def _hold_pack(
         crushed = there & (area - NEAR < limit)
     now_lost = lost
     near = 0
-    if lanes.any_of(worn | crushed):
+    if elementary.any_of(worn | crushed):
         if ti.static(lattice.features.crushed_room):
             c = makeup.constants(lattice, B, b, k, p)
             stress = lattice.law.room_stress(c, area - NEAR, _room_before(lattice, b, i, k))
-            near = lanes.any_of(crushed & (stress > 0.0))
-        if lanes.any_of(worn):
+            near = elementary.any_of(crushed & (stress > 0.0))
+        if elementary.any_of(worn):
             longer = elementary.larger(d1x * d1x + d1y * d1y, d2x * d2x + d2y * d2y)
             size = ti.sqrt(longer * (2.0 / (p.cell.x * p.cell.x + p.cell.y * p.cell.y)))
             left_over = (FREE_FROM - size) * (1.0 / (FREE_FROM - HOLDS_TO))
@@ -193,7 +193,7 @@ def _hold_pack(
                 now_lost[0] += volume * ((held - grip) * stored).sum()
             lattice.state.grip[b, i, k] = grip
             if ti.static(lattice.features.crushed_room):  # noqa: SIM102 - the static test stands alone
-                if lanes.any_of(hold < before):
+                if elementary.any_of(hold < before):
                     energy = _room_energy(lattice, b, i, k, d1x, d1y, d2x, d2y, p)
                     now_lost[1] += volume * (share * (before - hold) * energy).sum()
     if ti.static(lattice.features.crushed_room):
@@ -221,7 +221,7 @@ def _yield_pack(
     if ti.static(booked):
         grown_a = ti.cast(now_a - lattice.scratch.crush[A][b, i, k], ti.f64)
         grown_b = ti.cast(now_b - lattice.scratch.crush[B][b, i, k], ti.f64)
-        if lanes.any_of((grown_a > 0.0) | (grown_b > 0.0)):
+        if elementary.any_of((grown_a > 0.0) | (grown_b > 0.0)):
             gamma = _shear_strain(d1x, d1y, d2x, d2y, p)
             a2, b2 = _squares_of_columns(d1x, d1y, d2x, d2y, p)
             modulus = lattice.law.shear_modulus(c_b)

@@ -9,6 +9,7 @@ from taichi_foam.engine.grading import A, B
 from taichi_foam.engine.lattice import LAST_STAGE
 from taichi_foam.engine.state import CROWDED, NEVER, UNLISTED, WORK
 from taichi_foam.laws import contact as contact_law
+from taichi_foam.laws import elementary
 from taichi_foam.laws.shape.edges import Edged
 
 # Whether a node can touch others: not while whole foam surrounds it.
@@ -51,7 +52,7 @@ def may_touch_bodies(lattice: ti.template(), b, i, k, x, y, p: ti.template()) ->
         if p.hold_y and k == 0:
             # the held row is part of the support and does not touch the impactor
             may[0] = 0
-    return lanes.any_of(may)
+    return elementary.any_of(may)
 
 
 @ti.func
@@ -326,7 +327,7 @@ def is_pushed(lattice: ti.template(), b, i, k) -> ti.i32:
     if ti.static(lattice.on_gpu):
         may_be = ti.i32(lattice.state.partner_count[b, i * lattice.counts[None].rows + k] > 0)
     else:
-        may_be = lanes.any_of(lattice.state.place_in_list[b, i, k] > UNLISTED)
+        may_be = elementary.any_of(lattice.state.place_in_list[b, i, k] > UNLISTED)
     return may_be
 
 

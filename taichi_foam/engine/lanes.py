@@ -92,15 +92,6 @@ def below(here: ti.template(), member: ti.template(), b, i, k):
 
 
 @ti.func
-def any_of(mask: ti.template()) -> ti.i32:
-    """Whether the mask is set for any lane."""
-    found = ti.i32(mask[0])
-    for lane in ti.static(range(1, mask.n)):
-        found |= ti.i32(mask[lane])
-    return found
-
-
-@ti.func
 def value(lattice: ti.template(), values: ti.template(), b, i, j):
     """The value of node (i, j) in a node field, or of the bond or the cell that begins there."""
     return values[b, i, pack_of(lattice, j)][lane_of(lattice, j)]

@@ -64,6 +64,18 @@ def larger(x, y):
 
 
 @ti.func
+def any_of(mask: ti.template()) -> ti.i32:
+    """Whether a mask is set, for a vector: in any place."""
+    found = 0
+    if ti.static(hasattr(mask, "n")):
+        for place in ti.static(range(mask.n)):
+            found |= ti.i32(mask[place])
+    else:
+        found = ti.i32(mask)
+    return found
+
+
+@ti.func
 def exp(x):
     """e^x within 1.2 ulp for x from -708 to 709.78; 0 below that, infinity above, NaN of NaN."""
     bounded = ti.select(x > LEAST_EXPONENT, ti.min(x, GREATEST_EXPONENT), LEAST_EXPONENT)

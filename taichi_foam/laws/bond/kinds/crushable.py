@@ -345,10 +345,12 @@ class Crushable(Crushing):
         if ti.static(self.overshoots):
             near = c.yield_strain - around
             own = elementary.larger(c.yield_strain - start, 0.0)
-            for half in range(1, 3):  # not unrolled: two exponentials, not four
-                grown = elementary.larger(own + (lag - left), near)
-                rate = self._grown_rate(c, grown, slowed)
-                left = self._lag_after(c, lag, rate, 0.5 * half * acts)
+            # exponentials are expensive, and most foam that is pressed further is elastic
+            if elementary.any_of(lag > 0.0):
+                for half in range(1, 3):  # not unrolled: two exponentials, not four
+                    grown = elementary.larger(own + (lag - left), near)
+                    rate = self._grown_rate(c, grown, slowed)
+                    left = self._lag_after(c, lag, rate, 0.5 * half * acts)
         else:
             left = self._lag_after(c, lag, c.rate, acts)
         now = history
