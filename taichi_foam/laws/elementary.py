@@ -10,6 +10,7 @@ against 40 digits. A compiler that fuses products with sums may change them by a
 """
 
 import math
+from typing import Any
 
 from taichi_foam.backend import ti
 
@@ -66,13 +67,17 @@ def larger(x, y):
 @ti.func
 def any_of(mask: ti.template()) -> ti.i32:
     """Whether a mask is set, for a vector: in any place."""
-    found = 0
-    if ti.static(hasattr(mask, "n")):
-        for place in ti.static(range(mask.n)):
-            found |= ti.i32(mask[place])
-    else:
-        found = ti.i32(mask)
+    if ti.static(width(mask) == 0):
+        return ti.i32(mask)
+    found = ti.i32(mask[0])
+    for place in ti.static(range(1, width(mask))):
+        found |= ti.i32(mask[place])
     return found
+
+
+def width(value: Any) -> int:
+    """Number of places of a value in kernels; 0: it is a scalar."""
+    return value.n if value.is_tensor() else 0
 
 
 @ti.func

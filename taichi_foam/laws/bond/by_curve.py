@@ -286,7 +286,7 @@ class ByCurve(Crushing):
     def _around(self, c: ti.template(), row: ti.template(), column: ti.template()):
         """Values of a column in a row of the table and in the next one."""
         here, following = ti.cast(0 * row, ti.f64), ti.cast(0 * row, ti.f64)
-        width = ti.static(_width(row))
+        width = ti.static(elementary.width(row))
         if ti.static(width > 0):
             for lane in ti.static(range(width)):
                 place = ti.cast(_of_lane(c.place, lane), ti.i32)
@@ -352,11 +352,6 @@ class ByCurve(Crushing):
 @ti.func
 def _of_lane(value: ti.template(), lane: ti.template()):
     """A lane of a pack, or a scalar that all lanes share."""
-    if ti.static(_width(value) > 0):
+    if ti.static(elementary.width(value) > 0):
         return value[lane]
     return value
-
-
-def _width(value: Any) -> int:
-    """Number of lanes of a value in kernels; 0: it is a scalar."""
-    return value.n if value.is_tensor() else 0
