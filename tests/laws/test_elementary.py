@@ -1,4 +1,4 @@
-"""Exponential, logarithm, power and sine against NumPy's, most by the count of doubles between."""
+"""Exponential, logarithm, power, sine against NumPy, most by the count of doubles between; masks."""
 
 import math
 
@@ -65,6 +65,18 @@ def _powers_of_one(x: ti.f64, y: Vectors, out: Vectors):
 def _one_power(x: Vectors, y: ti.f64, out: Vectors):
     for k in range(x.shape[0]):
         out[k] = elementary.power(x[k], y)
+
+
+@ti.kernel
+def _any_positive(x: Scalars, found: Scalars):
+    for k in range(x.shape[0]):
+        found[k] = elementary.any_of(x[k] > 0.0)
+
+
+@ti.kernel
+def _any_of_four_positive(x: Vectors, found: Scalars):
+    for k in range(x.shape[0]):
+        found[k] = elementary.any_of(x[k] > 0.0)
 
 
 def mapped(kernel, *arguments) -> np.ndarray:
@@ -210,3 +222,12 @@ def test_sine_and_cosine_are_good_to_rounding_and_symmetric_to_the_last_bit() ->
     assert (sine[-1], cosine[-1]) == (0.0, 1.0)
     small = np.abs(x) < 1e-6
     np.testing.assert_allclose(sine[small], np.sin(x[small]), rtol=2.3e-16)
+
+
+def test_any_of_a_mask_is_told_for_numbers_and_for_vectors() -> None:
+    signs = np.array([[1.0 if n >> place & 1 else -1.0 for place in range(4)] for n in range(16)])
+    alone, of_four = np.empty(signs.size), np.empty(len(signs))
+    _any_positive(signs.ravel(), alone)
+    _any_of_four_positive(signs, of_four)
+    np.testing.assert_array_equal(alone, signs.ravel() > 0.0)
+    np.testing.assert_array_equal(of_four, (signs > 0.0).any(axis=1))
