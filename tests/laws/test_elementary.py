@@ -1,4 +1,4 @@
-"""Exponential, logarithm, power, sine against NumPy, most by the count of doubles between; masks."""
+"""Exponential, logarithm, power and sine against NumPy, most by the count of doubles between."""
 
 import math
 
