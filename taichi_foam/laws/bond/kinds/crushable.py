@@ -347,7 +347,8 @@ class Crushable(Crushing):
             own = elementary.larger(c.yield_strain - start, 0.0)
             # exponentials are expensive, and most foam that is pressed further is elastic
             if elementary.any_of(lag > 0.0):
-                for half in range(1, 3):  # not unrolled: two exponentials, not four
+                # not unrolled: the compiler vectorises two exponentials, but not four in a row
+                for half in range(1, 3):
                     grown = elementary.larger(own + (lag - left), near)
                     rate = self._grown_rate(c, grown, slowed)
                     left = self._lag_after(c, lag, rate, 0.5 * half * acts)
